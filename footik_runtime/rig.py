@@ -346,7 +346,8 @@ def _grounded(skeleton: Skeleton, positions: Array, chains: Mapping[str, Chain])
         leg = leg_length(positions, chain)
         last = chain[3] if chain[3] >= 0 else chain[2]
         low = min(positions[j, 2] for j in [chain[2], last, *skeleton.children(last)])
-        thickest = (0.3 if chain[3] >= 0 else 0.4) * FOOT_PER_LEG * leg
+        usual = 0.3 if chain[3] >= 0 else 0.4 if len(chains) < 4 else 0.8
+        thickest = usual * FOOT_PER_LEG * leg
         if not -0.02 * leg <= low <= thickest or positions[chain[2], 2] <= 0.02 * leg:
             return False
     return True

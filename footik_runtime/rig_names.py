@@ -32,7 +32,7 @@ _LEG_WORDS: dict[str, tuple[float, float, float, float]] = {
     "foot": (0, 0, 3, 1),
     "paw": (0, 0, 2, 2),
     "hoof": (0, 0, 2, 2),
-    **dict.fromkeys(("toe", "toes", "ball", "football", "forefoot"), (0, 0, 0, 4)),
+    **dict.fromkeys(("toe", "toes", "toebase", "ball", "forefoot"), (0, 0, 0, 4)),
     **dict.fromkeys(("footthumb", "footindex", "bigtoe"), (0, 0, 0, 3)),
 }
 SHIN_WORDS = frozenset(word for word, weights in _LEG_WORDS.items() if weights[_KNEE] >= 4)
@@ -55,15 +55,21 @@ _CORNERS = {
 }
 # Joints with these words steer or decorate others; no leg runs through them.
 _HELPERS = frozenset(
-    ("ik", "control", "ctrl", "pole", "target", "twist", "helper", "nub", "end", "effector", "eff")
-    + ("socket", "slot", "mesh", "geo", "mch", "org", "aim", "tweak", "pivot", "heel")
+    re.split(
+        r"\s+",
+        "ik control ctrl pole target twist helper nub end effector eff socket slot mesh geo mch "
+        "org aim tweak pivot heel",
+    )
 )
 # Words that say nothing about the part.
 _NOISE = frozenset(
-    ("b", "j", "m", "f", "avg", "bip", "def", "bone", "bn", "jnt", "joint", "link", "body", "rig")
-    + ("mixamorig", "character", "skeleton", "skel", "sk", "cc", "base", "smpl", "skin")
-    + ("pitch", "yaw", "roll", "x", "y", "z", "rx", "ry", "rz")
+    re.split(
+        r"\s+",
+        "b j m f avg bip def bone bn jnt joint link body rig mixamorig character skeleton skel sk "
+        "cc base smpl skin pitch yaw roll x y z rx ry rz",
+    )
 )
+_FORE = re.compile(r"fore[ _-]?(arm|foot)", re.IGNORECASE)  # a part, not the front end
 _TOKEN = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+")
 
 
@@ -85,7 +91,8 @@ def read_name(name: str) -> Label:
     side = end = ""
     words: list[str] = []
     numbered = roll = helper = False
-    for token in _TOKEN.findall(re.split(r"[:|]", name)[-1]):
+    bare = _FORE.sub(lambda match: f"Fore{match[1].lower()}", re.split(r"[:|]", name)[-1])
+    for token in _TOKEN.findall(bare):
         token = token.lower()
         if token.isdigit():
             numbered = True
@@ -223,28 +230,30 @@ def _best_chain(
 
 
 _TYPICAL = {
-    "thigh": ("UpLeg", "thigh", "UpperLeg", "femur"),
-    "shin": ("Leg", "shin", "LowerLeg", "calf", "tibia", "knee"),
-    "foot": ("Foot", "ankle"),
+    "thigh": (("UpLeg", "thigh", "UpperLeg", "femur"), _HIP),
+    "shin": (("Leg", "shin", "LowerLeg", "calf", "tibia", "knee"), _KNEE),
+    "foot": (("Foot", "ankle"), _ANKLE),
 }
+_ANY = (1.0, 1.0, 1.0, 1.0)  # a word that is not known may be any part
 
 
 def nearest_guesses(names: Sequence[str]) -> list[str]:
     """For each part of a left and a right leg, which joint's name comes nearest, for a message."""
-    folded = {name.casefold(): name for name in names}
+    read = [(name, read_name(name)) for name in names]
     lines = []
     for side in ("left", "right"):
-        for part, words in _TYPICAL.items():
+        for part, (words, index) in _TYPICAL.items():
             spellings = [
-                text
+                text.casefold()
                 for word in words
                 for text in (f"{side}{word}", f"{side}_{word}", f"{word}_{side[0]}", side[0] + word)
             ]
             scored = [
-                (difflib.SequenceMatcher(None, spelling.casefold(), name).ratio(), folded[name])
+                (difflib.SequenceMatcher(None, spelling, name.casefold()).ratio(), name)
+                for name, label in read
+                if label.side in (side, "") and _LEG_WORDS.get(label.word, _ANY)[index] > 0
                 for spelling in spellings
-                for name in folded
             ]
-            score, name = max(scored)
+            score, name = max(scored, default=(0.0, ""))
             lines.append(f"{side} {part} {name!r}" if score >= 0.7 else f"{side} {part} none")
     return lines

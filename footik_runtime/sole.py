@@ -33,6 +33,7 @@ USUAL_SLOPE = math.atan2(ANKLE_PER_FOOT - TOE_JOINT_PER_FOOT, TIP_PER_FOOT / TIP
 STEEPEST_FLAT = math.radians(50.0)
 _SPLAYED = math.radians(8.0)
 _ALONG_SHIN = math.radians(6.0)
+_SHORTEST_BALL = 0.08  # of the leg's length, half the usual
 _HEIGHT_RANGE = (0.02, 0.45)  # of the leg's length
 _ANIMAL_HEIGHT_RANGE = (0.02, 0.9)  # which stand on their toes
 
@@ -150,7 +151,7 @@ def _sole_basis(toe: Array | None, shin: Array, stance: Stance) -> tuple[Array, 
     steepness = math.atan2(falls, float(np.linalg.norm(toe + falls * up)))
     if not stance.stands and abs(steepness) <= STEEPEST_FLAT:
         return _basis(toe, up), "sole guessed square to the shin"
-    if steepness > STEEPEST_FLAT:
+    if steepness > STEEPEST_FLAT and not stance.grounded:
         return _sloped_basis(toe, stance), (
             "the foot is not flat in the rest pose; its sole is guessed from ankle to toe, "
             f"falling by {math.degrees(USUAL_SLOPE):.0f} deg"
@@ -207,7 +208,7 @@ def _ball_and_tip(
     toe: Array | None, end: Array | None, leg: float, name: str, notes: list[str]
 ) -> tuple[float, float]:
     usual_tip = TIP_PER_FOOT * FOOT_PER_LEG * leg
-    if toe is not None and toe[0] > 0.02 * leg:
+    if toe is not None and toe[0] > _SHORTEST_BALL * leg:
         ball = float(toe[0])
         if end is not None and 1.1 * ball <= end[0] <= 2.2 * ball:
             return ball, float(end[0])
