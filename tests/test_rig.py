@@ -365,7 +365,10 @@ place = st.tuples(*[st.floats(-1.0, 1.0, width=32)] * 3)
 
 @settings(max_examples=60, deadline=None)
 @given(places=st.lists(place, min_size=8, max_size=8))
-def test_any_rest_pose_gives_finite_soles_or_one_clear_error(places: list[tuple]) -> None:
+def test_any_rest_pose_gives_finite_soles_or_one_clear_error(
+    places: list[tuple[float, float, float]],
+) -> None:
+    joints: list[tuple[str, str | None, tuple[float, float, float]]]
     joints = [("Hips", None, (0.0, 0.0, 0.0))]
     for k, side in enumerate(LONG):
         parent = "Hips"
