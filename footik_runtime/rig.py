@@ -22,7 +22,7 @@ from footik_runtime.rig_names import (
 )
 from footik_runtime.rig_topology import legs_by_shape
 from footik_runtime.skeleton import Skeleton
-from footik_runtime.sole import Sole, Stance, guess_sole, leg_length
+from footik_runtime.rig_sole import Sole, Stance, guess_sole, leg_length
 
 __all__ = ["Leg", "Rig", "Sole", "find_rig"]
 

@@ -19,7 +19,7 @@ from footik_runtime.rig import (
 )
 from footik_runtime.rig_names import SHIN_WORDS, read_name
 from footik_runtime.skeleton import Skeleton
-from footik_runtime.sole import TIP_PER_BALL, Sole
+from footik_runtime.rig_sole import TIP_PER_BALL, Sole
 
 Array = NDArray[np.float64]
 

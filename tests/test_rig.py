@@ -205,6 +205,8 @@ def test_forward_and_sole_turn_with_the_figure(yaw: float) -> None:
         world = quat_mul(tuple(rotations[leg.ankle]), tuple(leg.sole.frame))
         np.testing.assert_allclose(rotate(world, (1.0, 0.0, 0.0)), rig.forward, atol=1e-12)
         np.testing.assert_allclose(rotate(world, (0.0, 0.0, 1.0)), [0, 0, 1], atol=1e-12)
+        toes = quat_mul(tuple(rotations[leg.toe]), tuple(leg.sole.toe_frame))
+        np.testing.assert_allclose(toes, world, atol=1e-12)
 
 
 def test_swapped_sides_are_noted_as_mirrored() -> None:
@@ -278,6 +280,8 @@ def test_feet_that_hang_in_the_rest_pose_get_a_sole_that_is_flat_when_they_are()
         assert rotate(frame, (0.0, 0.0, 1.0))[0] > 0.95  # and up is where its instep faces
         np.testing.assert_allclose(rotate(frame, (0.0, 1.0, 0.0)), [0, 1, 0], atol=1e-9)
         assert 0.14 < leg.sole.ball < 0.15
+        toes = tuple(leg.sole.toe_frame)  # straight toes go on along the bone
+        np.testing.assert_allclose(rotate(toes, (1.0, 0.0, 0.0)), [0, 0, -1], atol=1e-9)
     assert any("not flat" in note for note in rig.notes)
 
 

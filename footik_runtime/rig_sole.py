@@ -8,7 +8,7 @@ All scale with the leg, so a child and a giant get soles of their own size.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ from footik_runtime.skeleton import Skeleton
 
 Array = NDArray[np.float64]
 
+_UP = np.array([0.0, 0.0, 1.0])
 # Fractions of stature: thigh 0.245, shank 0.246, foot length 0.152, ankle height 0.039.
 FOOT_PER_LEG = 0.152 / (0.245 + 0.246)
 ANKLE_PER_FOOT = 0.039 / 0.152
@@ -53,6 +54,8 @@ class Sole:
         ball: how far the ball (where the toes bend) lies ahead of the ankle, m.
         tip: how far the toe tip lies ahead of the ankle, m; at least `ball`.
         half_width: half the sole's width at the ball, m.
+        toe_frame: (4,) wxyz, the sole frame's rotation in the toe joint's frame when the toes lie
+            flat with the foot; without a toe joint it has no meaning.
     """
 
     frame: Array
@@ -61,6 +64,7 @@ class Sole:
     ball: float
     tip: float
     half_width: float
+    toe_frame: Array = field(default_factory=lambda: np.array([1.0, 0.0, 0.0, 0.0]))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -102,6 +106,7 @@ def guess_sole(
     if how:
         notes.append(f"{name}: {how}")
     end = _end_offset(skeleton, stance, ankle, toe)
+    hangs = "not flat" in how
     points = [basis @ p if p is not None else None for p in (toe_offset, end)]
     ball, tip = _ball_and_tip(points[0], points[1], leg, name, notes)
     foot = tip / TIP_PER_FOOT
@@ -115,10 +120,9 @@ def guess_sole(
     clamped = min(max(height, lowest * leg), highest * leg)
     if clamped != height:
         notes.append(f"{name}: a sole height of {100 * height:.1f} cm is not plausible, limited")
-    ankle_turn = tuple(float(c) for c in stance.rotations[ankle])
-    world = quat_from_basis(*(tuple(float(c) for c in axis) for axis in basis))
     sole = Sole(
-        frame=np.array(quat_mul(quat_conj(ankle_turn), world)),
+        frame=_in_joint(stance, ankle, basis),
+        toe_frame=_in_joint(stance, toe, _toe_basis(toe_offset, basis, hangs)),
         height=clamped,
         heel=HEEL_PER_FOOT * foot,
         ball=ball,
@@ -135,9 +139,26 @@ def leg_length(positions: Array, chain: tuple[int, int, int, int]) -> float:
     return float(upper + np.linalg.norm(positions[ankle] - positions[knee]))
 
 
+def _in_joint(stance: Stance, joint: int, basis: Array) -> Array:
+    """The rotation (4,) of axes, rows x, y, z in the model frame, in a joint's frame."""
+    world = quat_from_basis(*(tuple(float(c) for c in axis) for axis in basis))
+    if joint < 0:
+        return np.array([1.0, 0.0, 0.0, 0.0])
+    turn = tuple(float(c) for c in stance.rotations[joint])
+    return np.array(quat_mul(quat_conj(turn), world))
+
+
+def _toe_basis(toe: Array | None, basis: Array, hangs: bool) -> Array:
+    """Where the toes of the stance point: with the sole, but along the bones of a hanging foot."""
+    if toe is None or not hangs:
+        return basis
+    along = _unit(toe - basis[1] * (toe @ basis[1]), basis[0])
+    return np.stack([along, basis[1], np.cross(along, basis[1])])
+
+
 def _sole_basis(toe: Array | None, shin: Array, stance: Stance) -> tuple[Array, str]:
     """Rows x, y, z of the sole in the model frame, and how they were found where not plainly."""
-    up = np.array([0.0, 0.0, 1.0])
+    up = _UP
     if toe is None:
         if stance.stands:
             return _basis(stance.forward, up), ""
