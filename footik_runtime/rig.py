@@ -20,9 +20,9 @@ from footik_runtime.rig_names import (
     names_hips,
     nearest_guesses,
 )
+from footik_runtime.rig_sole import Sole, Stance, guess_sole, leg_length
 from footik_runtime.rig_topology import legs_by_shape
 from footik_runtime.skeleton import Skeleton
-from footik_runtime.rig_sole import Sole, Stance, guess_sole, leg_length
 
 __all__ = ["Leg", "Rig", "Sole", "find_rig"]
 

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from footik_runtime.errors import FootIKError
 from footik_runtime.rig_names import Chain
-from footik_runtime.skeleton import Skeleton
 from footik_runtime.rig_sole import FOOT_PER_LEG, leg_length
+from footik_runtime.skeleton import Skeleton
 
 Array = NDArray[np.float64]
 

@@ -18,8 +18,8 @@ from footik_runtime.rig import (
     no_legs_error,
 )
 from footik_runtime.rig_names import SHIN_WORDS, read_name
-from footik_runtime.skeleton import Skeleton
 from footik_runtime.rig_sole import TIP_PER_BALL, Sole
+from footik_runtime.skeleton import Skeleton
 
 Array = NDArray[np.float64]
 
