@@ -27,6 +27,8 @@ class Sole:
         ball: how far the ball (where the toes bend) lies ahead of the ankle, m.
         tip: how far the toe tip lies ahead of the ankle, m; at least `ball`.
         half_width: half the sole's width at the ball, m.
+        toe_frame: (4,) wxyz, the sole frame's rotation in the toe joint's frame when the toes lie
+            flat with the foot; without a toe joint it has no meaning.
     """
 
     frame: Array
@@ -35,6 +37,7 @@ class Sole:
     ball: float
     tip: float
     half_width: float
+    toe_frame: Array = field(default_factory=lambda: np.array([1.0, 0.0, 0.0, 0.0]))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
