@@ -9,8 +9,7 @@ and a giant at the same Froude number v² / (g leg) move alike (Alexander 1976).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,12 +24,20 @@ from footik_runtime.gait_feet import (
     standing_foot,
     stepping_foot,
 )
+from footik_runtime.gait_hips import (
+    MODEL_LEG,
+    BodyStyle,
+    best_place,
+    follow,
+    lowered,
+    stance_sides,
+    standing_ahead,
+)
 from footik_runtime.gait_poses import (
     Body,
     BodyMotion,
     RestShape,
     find_body,
-    hip_joints,
     pose_body,
     rest_shape,
 )
@@ -39,36 +46,12 @@ from footik_runtime.rig import Rig
 
 Array = NDArray[np.float64]
 
-MODEL_LEG = 0.9  # m; settings below are for an adult's leg of this length
-REACH = 0.98  # share of the leg's length that may be used, so that knees never lock
 EASE = 0.04  # s, rise and fall of the IK weights
 WALK_SPEEDS = (0.3, 2.2)  # m/s for MODEL_LEG
 RUN_SPEEDS = (1.6, 5.5)
 TURN_RATES = (5.0, 180.0)  # degrees a second, either way
 
 _GRAVITY = 9.81
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Style:
-    """How the body follows the feet: lengths for MODEL_LEG in m, angles in degrees.
-
-    Each is half the whole swing of its oscillation; `rise` is positive where the body is lowest
-    in mid double support (or highest in mid-flight where `rise` is negative).
-    """
-
-    rise: float
-    surge: float
-    sway: float
-    pelvis_yaw: float
-    pelvis_list: float
-    pelvis_tilt: float
-    chest_yaw: float
-    lean: float
-    arm: float
-    arm_back: float
-    elbow: float
-    elbow_swing: float
 
 
 def walk(rig: Rig, *, speed: float = 1.3, fps: float = 60.0, body: Body | None = None) -> Clip:
@@ -98,7 +81,7 @@ def walk(rig: Rig, *, speed: float = 1.3, fps: float = 60.0, body: Body | None =
         heel_end=duty * 0.15,
         ball_start=duty * (0.70 - 0.07 * quick),
         strike=math.radians(9.0 + 11.0 * quick),
-        off=math.radians(24.0 + 26.0 * quick),
+        off=math.radians(70.0 * (1.0 - math.exp(-2.1 * quick))),
         stride=speed * period,
         clearance=0.025 * size,
         tuck=0.0,
@@ -106,7 +89,7 @@ def walk(rig: Rig, *, speed: float = 1.3, fps: float = 60.0, body: Body | None =
         toe_out=math.radians(6.0),
         side=0.055 * size,
     )
-    style = _Style(
+    style = BodyStyle(
         rise=0.26 * pendulum,
         surge=0.008 * quick,
         sway=0.030 - 0.009 * quick,
@@ -146,7 +129,7 @@ def run(rig: Rig, *, speed: float = 3.0, fps: float = 60.0, body: Body | None = 
         heel_end=duty * 0.2,
         ball_start=duty * 0.45,
         strike=math.radians(9.0),
-        off=math.radians(46.0 + 8.0 * quick),
+        off=math.radians(58.0 + 6.0 * min(quick, 1.5)),
         stride=speed * period,
         clearance=0.05 * size,
         tuck=0.17 * quick * size,
@@ -154,7 +137,7 @@ def run(rig: Rig, *, speed: float = 3.0, fps: float = 60.0, body: Body | None = 
         toe_out=math.radians(4.0),
         side=0.035 * size,
     )
-    style = _Style(
+    style = BodyStyle(
         rise=-0.95 * _GRAVITY * (model_period / (4.0 * math.pi)) ** 2,
         surge=0.004,
         sway=0.010,
@@ -194,7 +177,7 @@ def turn_in_place(
     turn = math.radians(rate_deg) * period
     t = np.arange(frames + 1) / frames
     p = np.append(t[:-1], 0.0)
-    duty, sides, x, toe_out = 0.66, _stance_width(rig, rest, 0.08), _foot_x(rig, rest), 6.0
+    duty, sides, x, toe_out = 0.66, stance_sides(rig, rest, 0.08), standing_ahead(rig, rest), 6.0
     # The foot on the inside of the turn steps first, so that the toes never meet.
     offsets = (0.0, 0.5) if rate_deg > 0 else (0.5, 0.0)
     feet = tuple(
@@ -224,7 +207,7 @@ def turn_in_place(
         elbow=np.radians(np.stack([18.0 + 3.0 * shift, 18.0 - 3.0 * shift], axis=-1)),
         arm_out=math.radians(9.0),
     )
-    motion = _lowered(rig, rest, motion, feet)
+    motion = lowered(rig, rest, motion, feet)
     return _clip(rig, body, "turn_in_place", motion, feet, fps)
 
 
@@ -243,11 +226,11 @@ def idle(rig: Rig, *, seconds: float = 6.0, fps: float = 60.0, body: Body | None
     feet = tuple(
         standing_foot(
             len(p),
-            place=(_foot_x(rig, rest), side),
+            place=(standing_ahead(rig, rest), side),
             toe_out=math.copysign(math.radians(9.0), side),
             height=leg.sole.height,
         )
-        for leg, side in zip(rig.legs, _stance_width(rig, rest, 0.09), strict=True)
+        for leg, side in zip(rig.legs, stance_sides(rig, rest, 0.09), strict=True)
     )
     turn = 2.0 * np.pi * p
     shift = np.sin(turn + 0.25 * np.sin(turn))
@@ -268,7 +251,7 @@ def idle(rig: Rig, *, seconds: float = 6.0, fps: float = 60.0, body: Body | None
         elbow=np.radians(np.stack([16.0 + 1.5 * breath] * 2, axis=-1)),
         arm_out=math.radians(8.0),
     )
-    motion = _lowered(rig, rest, motion, feet)
+    motion = lowered(rig, rest, motion, feet)
     return _clip(rig, body, "idle", motion, feet, fps)
 
 
@@ -295,14 +278,14 @@ def _travel(
     rest: RestShape,
     name: str,
     roll: Roll,
-    style: _Style,
+    style: BodyStyle,
     frames: int,
     fps: float,
     body: Body | None,
 ) -> Clip:
     """The clip of a walk or a run, its feet and hips placed so that the legs can reach."""
     ease = EASE * fps / frames
-    sides = _stance_width(rig, rest, roll.side / rest.leg_length * MODEL_LEG)
+    sides = stance_sides(rig, rest, roll.side / rest.leg_length * MODEL_LEG)
 
     def feet_at(p: Array, ahead: float) -> tuple[FootPath, ...]:
         paths = []
@@ -313,125 +296,18 @@ def _travel(
         return tuple(paths)
 
     dense = np.arange(240) / 240
-    shape = _follow(style, roll, rest, dense)
+    shape = follow(style, roll, rest, dense)
     at_root = feet_at(dense, 0.0)
-    ahead, height = _best_place(rig, rest, shape, at_root, roll)
+    ahead, height = best_place(rig, rest, shape, at_root, roll)
     t = np.arange(frames + 1) / frames
     p = np.append(t[:-1], 0.0)
-    motion = _follow(style, roll, rest, p)
+    motion = follow(style, roll, rest, p)
     motion = replace(
         motion,
         travel=np.stack([roll.stride * t, np.zeros_like(t)], axis=-1),
         pelvis=motion.pelvis + np.array([0.0, 0.0, height]),
     )
     return _clip(rig, body, name, motion, feet_at(p, ahead), fps)
-
-
-def _follow(style: _Style, roll: Roll, rest: RestShape, p: Array) -> BodyMotion:
-    """How the body moves at times p (n,), for a left strike at 0; the height is about 0."""
-    size = rest.leg_length / MODEL_LEG
-    between = 0.5 * (roll.duty - 0.5)  # the middle of double support, or of the flight
-    once = 2.0 * np.pi * p
-    twice = 2.0 * (once - 2.0 * np.pi * between)
-    stride = np.cos(once)  # 1 with the left leg ahead
-    load = np.cos(once - np.pi * roll.duty)  # 1 with the weight on the left leg
-    drop = np.cos(once - np.pi * (roll.duty - 0.12))  # the free side sinks early in its swing
-    zero = np.zeros_like(p)
-
-    def turned(yaw: Array, pitch: Array, side: Array) -> Array:
-        return np.radians(np.stack([yaw, pitch, side], axis=-1))
-
-    arm = -style.arm_back + style.arm * np.stack([-stride, stride], axis=-1)
-    elbow = style.elbow + style.elbow_swing * np.stack([-stride, stride], axis=-1)
-    return BodyMotion(
-        travel=np.zeros((len(p), 2)),
-        heading=zero,
-        pelvis=size
-        * np.stack(
-            [style.surge * np.sin(twice), style.sway * load, -style.rise * np.cos(twice)], axis=-1
-        ),
-        pelvis_turn=turned(
-            -style.pelvis_yaw * stride,
-            0.6 * style.lean + style.pelvis_tilt * np.cos(twice),
-            style.pelvis_list * drop,
-        ),
-        chest_turn=turned(
-            style.chest_yaw * stride,
-            style.lean + 0.8 * np.cos(twice),
-            -0.4 * style.pelvis_list * drop,
-        ),
-        head_turn=turned(zero, 0.2 * style.lean - 0.3 * np.cos(twice), zero),
-        arm_swing=np.radians(arm),
-        elbow=np.radians(elbow),
-        arm_out=math.radians(8.0),
-    )
-
-
-def _best_place(
-    rig: Rig, rest: RestShape, motion: BodyMotion, feet: tuple[FootPath, ...], roll: Roll
-) -> tuple[float, float]:
-    """How far ahead of the root a foot strikes, and the hips' height: where they may be highest."""
-
-    def height(ahead: float) -> float:
-        return _highest(rig, rest, motion, feet, ahead)
-
-    # The flat foot may strike anywhere from under the root to as far ahead as contact lasts.
-    low, high = 0.0, roll.stride * roll.duty
-    ahead = _peak(height, low, high)
-    best = height(ahead)
-    if not math.isfinite(best):
-        raise FootIKError(
-            f"a stride of {roll.stride:.3g} m is out of reach for legs of "
-            f"{rest.leg_length:.3g} m; ask for a lower speed."
-        )
-    return ahead, best
-
-
-def _peak(value: Callable[[float], float], low: float, high: float) -> float:
-    """Where a single-peaked function is largest, by narrowing a grid."""
-    for _ in range(6):
-        grid = np.linspace(low, high, 13)
-        best = int(np.argmax([value(float(x)) for x in grid]))
-        low, high = grid[max(best - 1, 0)], grid[min(best + 1, 12)]
-    return 0.5 * (low + high)
-
-
-def _highest(
-    rig: Rig, rest: RestShape, motion: BodyMotion, feet: tuple[FootPath, ...], ahead: float
-) -> float:
-    """The most that may be added to the hips' height with every ankle in reach; -inf if nothing."""
-    most = math.inf
-    hips = hip_joints(rig, rest, motion)
-    for hip, foot, length in zip(hips, feet, rig.leg_lengths, strict=True):
-        gap = foot.ankle + np.array([ahead, 0.0, 0.0]) - hip
-        room = (REACH * length) ** 2 - gap[:, 0] ** 2 - gap[:, 1] ** 2
-        if room.min() < 0.0:
-            return -math.inf
-        most = min(most, float(np.min(gap[:, 2] + np.sqrt(room))))
-    return most
-
-
-def _lowered(
-    rig: Rig, rest: RestShape, motion: BodyMotion, feet: tuple[FootPath, ...]
-) -> BodyMotion:
-    """The same with the hips at the height where the legs just reach."""
-    height = _highest(rig, rest, motion, feet, 0.0)
-    if not math.isfinite(height):
-        raise FootIKError(f"the feet are out of reach of legs of {rest.leg_length:.3g} m.")
-    return replace(motion, pelvis=motion.pelvis + np.array([0.0, 0.0, height]))
-
-
-def _stance_width(rig: Rig, rest: RestShape, half: float) -> list[float]:
-    """Each ankle's place to the left of the hips joint, `half` apart for MODEL_LEG, m."""
-    spans = [rest.span(rig.hips, leg.hip)[1] for leg in rig.legs]
-    middle = 0.5 * (spans[0] + spans[1])
-    aside = [max(half * rest.leg_length / MODEL_LEG, 0.8 * leg.sole.half_width) for leg in rig.legs]
-    return [middle + aside[0], middle - aside[1]]
-
-
-def _foot_x(rig: Rig, rest: RestShape) -> float:
-    """Where a standing ankle belongs ahead of the hips joint: under the hip joints, m."""
-    return float(np.mean([rest.span(rig.hips, leg.hip)[0] for leg in rig.legs]))
 
 
 def _clip(

@@ -212,7 +212,7 @@ def _stance(shape: FootShape, roll: Roll, t: Array) -> tuple[Array, Array, Array
         t - roll.ball_start,
         max(ball_span, EDGE),
         (0.0, 0.0, 0.0),
-        (roll.off, 1.7 * roll.off / max(ball_span, EDGE), 0.0),
+        (roll.off, 2.3 * roll.off / max(ball_span, EDGE), 0.0),
     )
     rolls = t > roll.ball_start
     pitch = np.where(t < roll.heel_end, on_heel, np.where(rolls, on_ball, 0.0))
