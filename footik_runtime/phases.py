@@ -1,4 +1,4 @@
-"""Phases of a contact, and the names of the curves that carry them."""
+"""The phases of a foot's contact, and the names of the curves that carry them in a clip."""
 
 from __future__ import annotations
 
@@ -6,23 +6,34 @@ from enum import IntEnum
 
 
 class Phase(IntEnum):
-    """What a foot does: each phase of a contact pins its own sole point."""
+    """What of a foot is on the ground, and so which sole point is pinned."""
 
     SWING = 0
+    """Nothing: the foot is in the air."""
     HEEL = 1
+    """The heel, after the strike; the foot turns over it."""
     FLAT = 2
+    """Heel and ball; the foot does not move at all."""
     BALL = 3
+    """The ball, after heel-off; the foot turns over it and the toes stay down."""
 
 
-def _title(leg_name: str) -> str:
-    return "".join(part.capitalize() for part in leg_name.split("_"))
+SWING = Phase.SWING
+HEEL = Phase.HEEL
+FLAT = Phase.FLAT
+BALL = Phase.BALL
 
 
 def weight_curve(leg_name: str) -> str:
-    """The name of a leg's IK-weight curve: LeftFootIKWeight for the leg "left"."""
-    return f"{_title(leg_name)}FootIKWeight"
+    """The curve of a leg's IK weight, at least .5 in contact: "LeftFootIKWeight" for "left"."""
+    return f"{_camel(leg_name)}FootIKWeight"
 
 
 def phase_curve(leg_name: str) -> str:
-    """The name of a leg's contact-phase curve: LeftFootPhase for the leg "left"."""
-    return f"{_title(leg_name)}FootPhase"
+    """The curve of a leg's contact phase, values of `Phase`: "LeftFootPhase" for "left"."""
+    return f"{_camel(leg_name)}FootPhase"
+
+
+def _camel(name: str) -> str:
+    words = name.replace("_", " ").replace("-", " ").split()
+    return "".join(word[:1].upper() + word[1:] for word in words)
