@@ -55,7 +55,9 @@ class Character:
         self.legs, self.feet = np.zeros((1, 2), OPENKCC_LEG), new_feet((1, 2))
         self.goals = np.zeros((1, 2), OPENKCC_GOAL)
         self.probes = np.zeros((1, 2, 2), PROBE)
-        self.ground, self.floor, self.wall = 0.0, 7, None
+        self.ground: float | None = 0.0  # its height; None: there is none
+        self.floor = 7
+        self.wall: tuple | None = None  # point and normal of what every overlap ray hits
         self.place()
         self.legs["curve"] = 1.0
 
