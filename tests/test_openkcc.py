@@ -359,6 +359,31 @@ def test_an_obstacle_lifts_a_released_foot_out_of_it_and_lets_it_back():
     assert character.goals["position"][0] == pytest.approx(character.legs["foot"][0])
 
 
+def test_a_standing_contact_is_averaged_and_a_new_one_taken_at_once():
+    character = Character()
+    character.legs["curve"] = 0.0
+    character.wall = ((0.0, 0.0, 0.2), UP)
+    character.step(2)
+    character.wall = ((0.0, 0.0, 0.4), UP)
+    character.step()
+    assert character.feet["overlap_position"][0, 0] == pytest.approx((0.0, 0.0, 0.35))
+    character.wall = None
+    character.step(10)
+    character.wall = ((0.0, 0.0, 0.6), UP)
+    character.step()
+    assert character.feet["overlap_position"][0, 0] == pytest.approx((0.0, 0.0, 0.65))
+
+
+def test_a_foot_whose_weight_still_settles_is_not_let_go_however_far_it_is():
+    character = Character()
+    character.step(20)  # longer than a stride, and the weight is not settled yet
+    assert 0.25 / DT < 20
+    assert character.feet["weight"].max() < 0.95
+    character.place(at=(100.0, 0.0, 0.0))
+    character.step()
+    assert character.states == [GROUNDED, GROUNDED]
+
+
 def test_without_overlap_correction_no_overlap_ray_is_asked_for():
     character = Character(correct_for_overlap=0)
     character.step()

@@ -144,8 +144,11 @@ def differences(record, body, feet, goals, options, floors):
     return wrong
 
 
-def decided_by_float32(record, body, feet, options):
-    """True where a threshold of this frame lies within float32 rounding, by the recorded state."""
+def decided_by_float32(record, options, body, feet, stepped=None):
+    """True where a threshold of this frame lies within float32 rounding.
+
+    `body` and `feet` are the state it starts from, `stepped` the two as it left them.
+    """
     frame, _ = traces.inputs(record)
     now, option = frame[0]["time"], options[0]
     if abs(latest_stride(feet[0]) + option["stride_time"] - now) < 1e-6:
@@ -158,10 +161,13 @@ def decided_by_float32(record, body, feet, options):
             for angle in recorded_turns(record, frame, foot)
         ):
             return True
-    speeds = (body[0]["hip_speed"], traces.number(record["out"]["hipOffsetSpeed"]))
+    states = [(body, feet)] if stepped is None else [(body, feet), stepped]
+    speeds = [state[0][0]["hip_speed"] for state in states]
     offset = body[0]["hip_offset"]
-    need = hip_target(feet[0], option, now, frame[0]["hips"][2] - offset)
-    return bool(np.isnan(speeds).any() and abs(need - offset) < 1e-6)
+    height = frame[0]["hips"][2] - offset
+    needs = np.array([hip_target(state[1][0], option, now, height) for state in states])
+    paused = np.isnan([*speeds, traces.number(record["out"]["hipOffsetSpeed"])]).any()
+    return bool(paused and (np.abs(needs - offset) < 1e-6).any())
 
 
 def recorded_turns(record, frame, foot):
@@ -184,13 +190,13 @@ def replayed(path):
         zip(history, history[1:], history[2:], strict=False)
     ):
         body, feet = traces.state(before, earlier, floors)
-        loaded_body, loaded_feet = body.copy(), feet.copy()
+        loaded = body.copy(), feet.copy()
         try:
             goals = step(record, before, body, feet, options, floors)
         except AssertionError as error:
             raise AssertionError(f"{path.name}, frame {number}: {error}") from None
         found = differences(record, body, feet, goals, options, floors)
-        if found and decided_by_float32(record, loaded_body, loaded_feet, options):
+        if found and decided_by_float32(record, options, *loaded, stepped=(body, feet)):
             exempt.append(number)
         elif found:
             wrong += [f"frame {number}: {line}" for line in found]
@@ -222,7 +228,7 @@ def run_free(path):
     body, feet = traces.state(None, None, floors)
     before, frames, farthest = None, 0, 0.0
     for record in trace["frames"]:
-        if traces.number(record["dt"]) == 0.0 or decided_by_float32(record, body, feet, options):
+        if traces.number(record["dt"]) == 0.0 or decided_by_float32(record, options, body, feet):
             break
         goals = step(record, before, body, feet, options, floors)
         for i, side in enumerate(traces.SIDES):
