@@ -144,7 +144,7 @@ def differences(record, body, feet, goals, options, floors):
     return wrong
 
 
-def decided_by_float32(record, options, body, feet, stepped=None):
+def decided_by_float32(record, options, body, feet, stepped):
     """True where a threshold of this frame lies within float32 rounding.
 
     `body` and `feet` are the state it starts from, `stepped` the two as it left them.
@@ -153,15 +153,11 @@ def decided_by_float32(record, options, body, feet, stepped=None):
     now, option = frame[0]["time"], options[0]
     if abs(latest_stride(feet[0]) + option["stride_time"] - now) < 1e-6:
         return True
-    for foot in feet[0]:
-        if foot["bump"] and abs(remaining(foot, option, now)) < 1e-6:
-            return True
-        if foot["state"] == GROUNDED and any(
-            abs(angle - option["stride_threshold_angle"]) < math.radians(1e-4)
-            for angle in recorded_turns(record, frame, foot)
-        ):
-            return True
-    states = [(body, feet)] if stepped is None else [(body, feet), stepped]
+    if any(foot["bump"] and abs(remaining(foot, option, now)) < 1e-6 for foot in feet[0]):
+        return True
+    if turns_by_the_threshold(record, option, feet):
+        return True
+    states = [(body, feet), stepped]
     speeds = [state[0][0]["hip_speed"] for state in states]
     offset = body[0]["hip_offset"]
     height = frame[0]["hips"][2] - offset
@@ -170,13 +166,19 @@ def decided_by_float32(record, options, body, feet, stepped=None):
     return bool(paused and (np.abs(needs - offset) < 1e-6).any())
 
 
-def recorded_turns(record, frame, foot):
-    """How far the foot would turn onto each ground that a downward ray of this frame hit."""
-    for cast in record["casts"]:
-        if cast["hit"] and traces.number(cast["dir"][1]) == -1.0:
+def turns_by_the_threshold(record, option, feet):
+    """True where a foot would turn by just the threshold onto a ground that a ray of it hit."""
+    frame, _ = traces.inputs(record)
+    forward = get3(frame[0]["forward"])
+    grounds = [c for c in record["casts"] if c["hit"] and traces.number(c["dir"][1]) == -1.0]
+    for foot in feet[0][feet[0]["state"] == GROUNDED]:
+        for cast in grounds:
             normal = get3(traces.vector(cast["normal"]))
-            turn = look(reject(get3(frame[0]["forward"]), normal), normal)
-            yield quat_angle(turn, get4(foot["target_rotation"]))
+            turn = look(reject(forward, normal), normal)
+            angle = quat_angle(turn, get4(foot["target_rotation"]))
+            if abs(angle - option["stride_threshold_angle"]) < math.radians(1e-4):
+                return True
+    return False
 
 
 @lru_cache
@@ -219,16 +221,19 @@ def test_few_frames_are_exempt_as_float32_ties():
 
 
 def run_free(path):
-    """Farthest goal position from the recording, m, over a trace run unaided from its start.
+    """(frames, farthest goal from the recording in m) of a trace run unaided from its start.
 
-    It ends at the first frame that float32 decides: what follows may be another story.
+    It ends at a pause and at the first frame that float32 decided: what follows is another story.
+    (Ties in time are not among them: times are the recorded ones, whoever adds them.)
     """
     trace = traces.load(path)
     options, floors = traces.settings(trace["config"]), traces.FloorIds()
     body, feet = traces.state(None, None, floors)
     before, frames, farthest = None, 0, 0.0
-    for record in trace["frames"]:
-        if traces.number(record["dt"]) == 0.0 or decided_by_float32(record, options, body, feet):
+    _, exempt = replayed(path)
+    for number, record in enumerate(trace["frames"]):
+        decided = number in exempt or turns_by_the_threshold(record, options[0], feet)
+        if decided or traces.number(record["dt"]) == 0.0:
             break
         goals = step(record, before, body, feet, options, floors)
         for i, side in enumerate(traces.SIDES):
