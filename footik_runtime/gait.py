@@ -85,7 +85,7 @@ def walk(rig: Rig, *, speed: float = 1.3, fps: float = 60.0, body: Body | None =
         stride=speed * period,
         clearance=0.025 * size,
         tuck=0.0,
-        tuck_pitch=math.radians(4.0 * quick),
+        tuck_pitch=0.0,
         toe_out=math.radians(6.0),
         side=0.055 * size,
     )
@@ -133,7 +133,7 @@ def run(rig: Rig, *, speed: float = 3.0, fps: float = 60.0, body: Body | None = 
         stride=speed * period,
         clearance=0.05 * size,
         tuck=0.17 * quick * size,
-        tuck_pitch=math.radians(38.0 * quick),
+        tuck_pitch=math.radians(18.0 * quick),
         toe_out=math.radians(4.0),
         side=0.035 * size,
     )

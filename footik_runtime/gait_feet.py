@@ -207,12 +207,13 @@ def _stance(shape: FootShape, roll: Roll, t: Array) -> tuple[Array, Array, Array
     """Pitch, ankle (from the foot's flat place) and toe pitch in contact, smooth past its ends."""
     heel_rate = 1.3 * roll.strike / max(roll.heel_end, EDGE)
     ball_span = roll.duty - roll.ball_start
+    off_rate = roll.off / max(ball_span, EDGE)
     on_heel = quintic(t, max(roll.heel_end, EDGE), (-roll.strike, heel_rate, 0.0), (0.0, 0.0, 0.0))
     on_ball = quintic(
         t - roll.ball_start,
         max(ball_span, EDGE),
         (0.0, 0.0, 0.0),
-        (roll.off, 2.3 * roll.off / max(ball_span, EDGE), 0.0),
+        (roll.off, 2.2 * off_rate, 2.0 * off_rate / max(ball_span, EDGE)),
     )
     rolls = t > roll.ball_start
     pitch = np.where(t < roll.heel_end, on_heel, np.where(rolls, on_ball, 0.0))

@@ -415,3 +415,14 @@ def without_legs():
 def test_a_leg_with_one_bone_of_no_length_stays_finite():
     clip = gait.idle(make_rig(thigh=0.0))
     assert np.isfinite(clip.rotations).all()
+
+
+@pytest.mark.parametrize("name", ["walk_1.3", "run_3", "idle"])
+def test_thighs_and_shins_keep_their_outer_side_outside(name):
+    clip = CLIPS[name](RIG)
+    _, rotations = clip.model_pose()
+    _, rest = RIG.skeleton.rest_pose()
+    for leg in RIG.legs:
+        for joint in (leg.hip, leg.knee):
+            turn = qa.mul(rotations[:, joint], qa.conj(rest[joint]))
+            assert np.all(qa.rotate(turn, np.array([0.0, 1.0, 0.0]))[:, 1] > 0.95)
