@@ -185,6 +185,13 @@ def test_slip_on_a_platform_is_measured_in_its_frame():
     assert m.score(riding(60.0, 0.05))["slip_max"] == pytest.approx(50.0, rel=1e-6)
 
 
+def test_horizontal_is_the_worlds_on_tilted_ground_too():
+    run = moved(standing(), along_x(standing(), 0.1))
+    quarter = np.array([math.sqrt(0.5), 0.0, math.sqrt(0.5), 0.0])  # x of the body points down
+    tilted = replace(run, ground_rotations=np.tile(quarter, (121, 2, 1)))
+    assert m.pinned_point_speed(tilted) == pytest.approx(100.0)
+
+
 @pytest.mark.parametrize("fps", [30.0, 120.0])
 def test_stepping_onto_another_body_is_not_measured(fps):
     run = riding(fps)
