@@ -223,6 +223,8 @@ def test_stones_offer_footholds_over_a_pit():
     assert np.abs(heights[on_stone]).max() <= 0.04 + 1e-9
     assert np.ptp(heights[on_stone]) > 0.04
     assert heights[~on_stone] == pytest.approx(-0.5)
+    middle = np.array([ray_down(model, data, x, 0.0)[0] for x in xs])
+    assert (middle > -0.1).mean() > 0.8  # where a root looks for its ground
     assert ray_down(model, data, 3.0, 2.0)[0] == pytest.approx(-0.5)
 
 
@@ -360,6 +362,16 @@ def test_pieces_follow_each_other_in_x_and_height():
     assert terrain.height(4.5, 0.0) == pytest.approx(top - 0.1)
 
 
+def test_no_ray_falls_between_two_hills():
+    hill = Hills(length=3.3, blend=1.0)
+    terrain, model, data = compiled_scene(
+        Terrain(name="own", pieces=(Flat(length=5.3), hill, hill, hill, Flat()))
+    )
+    for site in terrain.sites[1:]:
+        for x in (np.nextafter(site.x, -9.0), site.x, np.nextafter(site.x, 99.0)):
+            assert ray_down(model, data, x, 0.3)[0] == pytest.approx(0.0, abs=1e-6)
+
+
 def test_height_is_nan_where_only_rays_know_and_beyond_the_ground():
     rubble = make_terrain("rubble")
     assert np.isnan(rubble.height([2.0, -4.1, 0.0, 99.0], [0.0, 0.0, 5.1, 0.0])).all()
@@ -389,9 +401,10 @@ def test_unknown_setting_lists_the_valid_ones():
         (lambda: make_terrain("stairs", steps=0), r"Stairs steps .*whole .*\[1, 200\], not 0"),
         (lambda: make_terrain("stairs", steps=2.5), r"Stairs steps .*whole .* not 2.5"),
         (lambda: make_terrain("stairs", step_height=-0.1), r"step_height .* not -0.1"),
+        (lambda: make_terrain("stairs", landing=-1.0), r"stairs landing .* not -1"),
         (lambda: make_terrain("gap", width="wide"), r"Gap width .* not 'wide'"),
         (lambda: make_terrain("flat", seed=-1), r"seed .* not -1"),
-        (lambda: make_terrain("hills", **{"seed": 1.5}), r"seed .* not 1.5"),
+        (lambda: make_terrain("hills", seed=1.5), r"seed .* not 1.5"),  # type: ignore
         (lambda: Terrain(name="t", pieces=(Flat(),), half_width=0.0), r"half_width .* not 0"),
         (lambda: Terrain(name="t", pieces=()), "at least one piece"),
         (lambda: Flat(length=float("inf")), r"Flat length .* not inf"),

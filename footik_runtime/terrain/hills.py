@@ -18,7 +18,7 @@ from footik_runtime.terrain.piece import FRICTION, TERRAIN_GROUP, Array, Piece, 
 
 _WAVES = 8
 _SEAM = 0.001  # m that the field goes on beyond the piece at either end: no ray falls through
-_LEVEL_EDGE = 0.05  # m of exactly level ground at either end, so that the seam is level
+_LEVEL_EDGE = 0.12  # m of level ground at either end: over a cell, so that the seam is level
 
 
 @dataclass(frozen=True, kw_only=True)

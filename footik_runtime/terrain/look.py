@@ -24,7 +24,7 @@ _COLOURS: dict[str, tuple[tuple[float, ...], tuple[float, ...]]] = {
     MOVING: ((0.80, 0.58, 0.36), (0.74, 0.52, 0.31)),
 }
 _SKY = ((0.50, 0.63, 0.78), (0.88, 0.91, 0.94))
-_TILES_PER_METRE = 1.0  # a texture holds 2 x 2 checkers: squares of half a metre
+_TEXTURE_REPEAT = 1.0  # makes squares of one metre
 
 
 def has_look(spec: mujoco.MjSpec) -> bool:
@@ -44,7 +44,7 @@ def add_look(spec: mujoco.MjSpec) -> None:
             width=128,
             height=128,
         )
-        material = spec.add_material(name=name, texrepeat=[_TILES_PER_METRE] * 2, texuniform=True)
+        material = spec.add_material(name=name, texrepeat=[_TEXTURE_REPEAT] * 2, texuniform=True)
         material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = name
         material.specular, material.shininess = 0.1, 0.1
     _add_sky(spec)
@@ -72,11 +72,11 @@ def _add_sun(spec: mujoco.MjSpec) -> None:
         type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
         pos=[14.0, 8.0, 12.0],
         dir=[-0.28, -0.62, -0.68],
-        diffuse=[0.7, 0.68, 0.62],
+        diffuse=[0.85, 0.83, 0.77],
         specular=[0.1, 0.1, 0.1],
         castshadow=True,
     )
-    spec.visual.headlight.ambient = [0.26, 0.27, 0.30]
+    spec.visual.headlight.ambient = [0.29, 0.30, 0.33]
     spec.visual.headlight.diffuse = [0.26, 0.26, 0.26]
     spec.visual.headlight.specular = [0.0, 0.0, 0.0]
     spec.visual.quality.shadowsize = 4096

@@ -40,6 +40,7 @@ def stairs(
     seed: int = 0,
 ) -> Terrain:
     """A flight up, a landing, a flight down, level ground, again and again."""
+    check_setting("stairs landing", landing, (0.05, 1000.0))
     step = {"steps": steps, "step_height": step_height, "step_depth": step_depth}
     cycle = (Stairs(**step), Flat(length=landing), Stairs(**step, down=True), Flat(length=landing))
     return _repeated("stairs", cycle, seed)

@@ -97,7 +97,7 @@ class Stones(Piece):
 
     Attributes:
         length: m, along x; stones begin and end flush with it.
-        lanes: how many abreast, evenly about y = 0.
+        lanes: how many abreast, evenly about y = 0; an odd number has stones in the middle.
         spacing: m between the middles of stones along x.
         lane_width: m between the middles of lanes.
         part_filled: part of spacing and lane width that the stones themselves take.
@@ -117,9 +117,9 @@ class Stones(Piece):
         "depth": (0.1, 10.0),
     }
     length: float = 5.0
-    lanes: int = 4
+    lanes: int = 3
     spacing: float = 0.4
-    lane_width: float = 0.36
+    lane_width: float = 0.42
     part_filled: float = 0.86
     height_change: float = 0.04
     yaw_deg: float = 6.0
