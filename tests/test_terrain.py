@@ -363,13 +363,13 @@ def test_pieces_follow_each_other_in_x_and_height():
 
 
 def test_no_ray_falls_between_two_hills():
-    hill = Hills(length=3.3, blend=1.0)
-    terrain, model, data = compiled_scene(
-        Terrain(name="own", pieces=(Flat(length=5.3), hill, hill, hill, Flat()))
-    )
-    for site in terrain.sites[1:]:
-        for x in (np.nextafter(site.x, -9.0), site.x, np.nextafter(site.x, 99.0)):
-            assert ray_down(model, data, x, 0.3)[0] == pytest.approx(0.0, abs=1e-6)
+    for k in range(24):  # whether a bare seam is open hangs on how its ends round
+        hill = Hills(length=3.0 + 0.0137 * k, blend=1.0)
+        pieces = (Flat(length=5.1 + 0.0071 * k), hill, hill, hill, Flat())
+        terrain, model, data = compiled_scene(Terrain(name="own", pieces=pieces, half_width=1.0))
+        for site in terrain.sites[1:]:
+            for x in (np.nextafter(site.x, -9.0), site.x, np.nextafter(site.x, 99.0)):
+                assert ray_down(model, data, x, 0.3)[0] == pytest.approx(0.0, abs=1e-6)
 
 
 def test_height_is_nan_where_only_rays_know_and_beyond_the_ground():
