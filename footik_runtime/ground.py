@@ -7,6 +7,7 @@ probes go through Python's `mujoco.mj_ray`, with the same answers.
 
 from __future__ import annotations
 
+from collections import namedtuple
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, Protocol
@@ -21,6 +22,8 @@ from footik_runtime.compiled import compiled, jit_enabled
 from footik_runtime.errors import FootIKError
 from footik_runtime.math3d import add_scaled, dot, get3, set3
 from footik_runtime.probes import HIT, PROBE, set_miss
+
+Array = NDArray[np.float64]
 
 TERRAIN_GROUPS = (0,)
 """Geom groups that rays see by default; characters live in a group of their own."""
@@ -72,6 +75,10 @@ _mj_ray = types.ExternalFunction(
         _POINTER,  # normal[3]
     ),
 )
+
+
+Caster = namedtuple("Caster", "model data groups geom_body numbers geom_id")
+"""What `cast_native` needs: two addresses, the group mask, the geoms' bodies, and scratch."""
 
 
 @compiled
@@ -187,43 +194,44 @@ class SceneGround:
         self.data = data
         self._mask = group_mask(groups)
         self._native = native
+        self._geom_body = np.ascontiguousarray(model.geom_bodyid)
+        self._numbers, self._geom_id = np.empty(9), np.empty(1, dtype=np.int32)
 
     def cast(self, probes: NDArray[Any], hits: NDArray[Any]) -> None:
         """Answer the active probes; see `Ground.cast`. May be called from several threads."""
         if not self._native:
             _cast_through_python(self.model, self.data, self._mask, probes, hits)
             return
-        cast_native(
-            self.model._address,
-            self.data._address,
-            self._mask,
-            self.model.geom_bodyid,
-            probes,
-            hits,
-            np.empty(9),
-            np.empty(1, dtype=np.int32),
-        )
+        cast_native(*self._new_caster()[:4], probes, hits, np.empty(9), np.empty(1, dtype=np.int32))
 
-    def body_pose(self, body: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Position (3,) and rotation (4,) of a body in the world, now."""
-        return self.data.xpos[body], self.data.xquat[body]
+    def caster(self) -> Caster | None:
+        """What compiled code needs to cast here by itself; None where rays go through Python."""
+        return self._new_caster() if self._native else None
 
-    def height(
-        self, points: NDArray[np.float64], *, above: float = 1.0, reach: float = 6.0
-    ) -> NDArray[np.float64]:
-        """Terrain height under each of the points (..., 3); NaN where no ray meets ground.
+    def _new_caster(self) -> Caster:
+        # Addresses are asked anew: MuJoCo may have rebuilt a model in place.
+        model, data = self.model._address, self.data._address
+        return Caster(model, data, self._mask, self._geom_body, self._numbers, self._geom_id)
+
+    def under(
+        self, points: Array, *, above: float = 0.5, reach: float = 3.0
+    ) -> tuple[Array, NDArray[np.int32]]:
+        """Terrain height under each of the points (N, 3), and the geom it is; NaN and -1 on a miss.
 
         Rays start `above` metres over each point, and end `reach` metres lower.
         """
-        flat = np.reshape(points, (-1, 3))
-        probes, hits = np.zeros(len(flat), dtype=PROBE), np.zeros(len(flat), dtype=HIT)
-        probes["origin"] = flat + np.array([0.0, 0.0, above])
+        probes, hits = np.zeros(len(points), dtype=PROBE), np.zeros(len(points), dtype=HIT)
+        probes["origin"] = points + np.array([0.0, 0.0, above])
         probes["direction"] = [0.0, 0.0, -1.0]
         probes["length"] = reach
         probes["active"] = 1
         self.cast(probes, hits)
-        found = np.where(hits["hit"] == 1, hits["point"][:, 2], np.nan)
-        return found.reshape(np.shape(points)[:-1])
+        return np.where(hits["hit"] == 1, hits["point"][:, 2], np.nan), hits["geom"].copy()
+
+    def height(self, points: Array, *, above: float = 0.5, reach: float = 3.0) -> Array:
+        """Terrain height under each of the points (..., 3), as of `under`."""
+        heights, _ = self.under(np.reshape(points, (-1, 3)), above=above, reach=reach)
+        return heights.reshape(np.shape(points)[:-1])
 
 
 class RecordedGround:

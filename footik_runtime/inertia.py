@@ -46,7 +46,7 @@ def limited_velocity(offset, velocity, duration):
     What the offset is too small for would swing far to the other side; 0.2 m/s always remains.
     """
     speed = norm(velocity)
-    most = 4.0 * norm(offset) / max(duration, 1e-6) + 0.2
+    most = 4.0 * norm(offset) / max(duration, 1e-6) + 1.5
     return velocity if speed <= most else scale(velocity, most / speed)
 
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from footik_runtime import quat_arrays
 from footik_runtime.clip import Clip, cubic_weights
 from footik_runtime.compiled import compiled
 from footik_runtime.errors import FootIKError
@@ -19,7 +20,7 @@ from footik_runtime.offline.contacts import with_contacts
 from footik_runtime.offline.loops import find_loop, put_in_place
 from footik_runtime.phases import Phase, phase_curve, weight_curve
 from footik_runtime.rig import Rig
-from footik_runtime.sole import BALL, HEEL, all_sole_points, multiply_many, rotate_many
+from footik_runtime.sole import BALL, HEEL, all_sole_points
 
 Array = NDArray[np.float64]
 
@@ -28,20 +29,25 @@ TIMING = np.dtype(
         ("weight", "f8"),
         ("phase", "i4"),
         ("to_plant", "f8"),
+        ("to_release", "f8"),
         ("swing_time", "f8"),
         ("print", "f8", 2),
         ("print_yaw", "f8"),
+        ("pitch", "f8"),
         ("hip", "f8", 3),
+        ("extension", "f8"),
     ],
     align=True,
 )
 """What one foot does in one frame, seen from the root.
 
 weight: of the IK curve. phase: `Phase`. to_plant: seconds to the next plant, or minus the time
-since the last one while in contact; inf for a foot that never plants. swing_time: duration of the
-swing before that plant, s. print (2,) and print_yaw: where that plant's flat footprint lies under
-the ankle, m and rad, in the frame the root has *at the plant*. hip (3,): the leg's hip joint at
-the plant, in the same frame.
+since the last one while in contact; inf for a foot that never plants. to_release: seconds to the
+end of the present contact, 0 in swing, inf for a foot that always stands. swing_time: duration of
+the swing before that plant, s. print (2,) and print_yaw: where that plant's flat footprint lies
+under the ankle, m and rad, in the frame the root has *at the plant*. pitch: how far the sole's nose
+points up then, rad. hip (3,): the leg's hip joint then, in the same frame; extension: from there
+to the ankle, m.
 """
 
 
@@ -127,8 +133,8 @@ def _timing(clip: Clip, rig: Rig, velocity: Array, yaw_rate: float) -> NDArray[n
         contact = row["phase"][:frames] != Phase.SWING
         row["to_plant"], row["swing_time"] = np.inf, 0.0
         row["hip"] = positions[:, leg.hip]
-        toward = multiply_many(rotations[:frames, leg.ankle], leg.sole.frame)
-        ahead = rotate_many(toward, np.array([1.0, 0.0, 0.0]))
+        toward = quat_arrays.mul(rotations[:frames, leg.ankle], leg.sole.frame)
+        ahead = quat_arrays.rotate(toward, np.array([1.0, 0.0, 0.0]))
         for start, length, swing in _contacts(contact):
             during = (start + np.arange(length)) % frames
             age = np.arange(length) / clip.fps
@@ -138,12 +144,17 @@ def _timing(clip: Clip, rig: Rig, velocity: Array, yaw_rate: float) -> NDArray[n
             )  # fmt: skip
             before = (start - np.arange(swing, 0, -1)) % frames
             row["to_plant"][during] = -age
+            row["to_release"][during] = length / clip.fps - age if swing else np.inf
             row["to_plant"][before] = np.arange(swing, 0, -1) / clip.fps
             both = np.concatenate([before, during])
             row["swing_time"][both] = swing / clip.fps
             row["print"][both] = print_xy
             row["print_yaw"][both] = yaw
+            row["pitch"][both] = np.arcsin(np.clip(ahead[start, 2], -1.0, 1.0))
             row["hip"][both] = positions[start, leg.hip]
+            row["extension"][both] = np.linalg.norm(
+                positions[start, leg.ankle] - positions[start, leg.hip]
+            )
         row[frames] = row[0]
     return table
 

@@ -58,7 +58,7 @@ class FootIKSettings:
         hip_half_life: s, of the spring that moves the hips.
         max_hip_drop: m that the hips drop at most.
         hip_look_ahead: s before a plant in which the hips begin to drop for it.
-        stretch: part by which a leg may be stretched to reach, 0 for none.
+        hip_let_go: s before a release in which the hips cease to drop for it.
         root_half_life: s, of the spring that carries the root over the ground.
         groups: geom groups that rays see.
         max_hip_foot: openkcc only: m, its max hip-foot distance.
@@ -86,12 +86,12 @@ class FootIKSettings:
     clearance: float = 0.02
     replan_distance: float = 0.05
     flat_angle_deg: float = 2.0
-    reach: float = 0.985
+    reach: float = 0.975
     max_heel_lift_deg: float = 45.0
-    hip_half_life: float = 0.08
+    hip_half_life: float = 0.07
     max_hip_drop: float = 0.45
-    hip_look_ahead: float = 0.3
-    stretch: float = 0.0
+    hip_look_ahead: float = 0.4
+    hip_let_go: float = 0.3
     root_half_life: float = 0.1
     groups: tuple[int, ...] = (0,)
     max_hip_foot: float = 0.85
@@ -187,7 +187,7 @@ _RANGES: dict[str, tuple[float, float]] = {
     "hip_half_life": (0.0, 5.0),
     "max_hip_drop": (0.0, 5.0),
     "hip_look_ahead": (0.0, 2.0),
-    "stretch": (0.0, 0.5),
+    "hip_let_go": (0.001, 2.0),
     "root_half_life": (0.0, 5.0),
     "max_hip_foot": (0.01, 10.0),
     "foot_height": (0.0, 1.0),

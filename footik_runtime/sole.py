@@ -5,26 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from footik_runtime.quat_arrays import mul, rotate
 from footik_runtime.rig import Leg, Rig
 
 Array = NDArray[np.float64]
 
 POINTS = ("heel", "ball", "tip")
 HEEL, BALL, TIP = range(3)
-
-
-def rotate_many(q: Array, v: Array) -> Array:
-    """Vectors v (..., 3) turned by unit quaternions q (..., 4); both broadcast."""
-    w, u = q[..., :1], q[..., 1:]
-    t = 2.0 * np.cross(u, v)
-    return v + w * t + np.cross(u, t)
-
-
-def multiply_many(a: Array, b: Array) -> Array:
-    """Quaternion products a*b, (..., 4); both broadcast."""
-    aw, av, bw, bv = a[..., :1], a[..., 1:], b[..., :1], b[..., 1:]
-    w = aw * bw - np.sum(av * bv, axis=-1, keepdims=True)
-    return np.concatenate([w, aw * bv + bw * av + np.cross(av, bv)], axis=-1)
 
 
 def sole_points(leg: Leg, positions: Array, rotations: Array) -> Array:
@@ -41,11 +28,11 @@ def sole_points(leg: Leg, positions: Array, rotations: Array) -> Array:
     """
     sole = leg.sole
     ankle = positions[:, leg.ankle]
-    turn = multiply_many(rotations[:, leg.ankle], sole.frame)
-    heel = ankle + rotate_many(turn, np.array([-sole.heel, 0.0, -sole.height]))
-    ball = ankle + rotate_many(turn, np.array([sole.ball, 0.0, -sole.height]))
-    toes = turn if leg.toe < 0 else multiply_many(rotations[:, leg.toe], sole.toe_frame)
-    tip = ball + rotate_many(toes, np.array([sole.tip - sole.ball, 0.0, 0.0]))
+    turn = mul(rotations[:, leg.ankle], sole.frame)
+    heel = ankle + rotate(turn, np.array([-sole.heel, 0.0, -sole.height]))
+    ball = ankle + rotate(turn, np.array([sole.ball, 0.0, -sole.height]))
+    toes = turn if leg.toe < 0 else mul(rotations[:, leg.toe], sole.toe_frame)
+    tip = ball + rotate(toes, np.array([sole.tip - sole.ball, 0.0, 0.0]))
     return np.stack([heel, ball, tip], axis=1)
 
 

@@ -8,11 +8,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from footik_runtime import quat_arrays
 from footik_runtime.clip import Clip
 from footik_runtime.math3d import quat_between, quat_upright, rotate
 from footik_runtime.phases import Phase, phase_curve, weight_curve
 from footik_runtime.rig import Leg, Rig
-from footik_runtime.sole import BALL, HEEL, all_sole_points, multiply_many, rotate_many
+from footik_runtime.sole import BALL, HEEL, all_sole_points
 
 Array = NDArray[np.float64]
 
@@ -50,8 +51,10 @@ def level(clip: Clip, rig: Rig) -> Clip:
         return clip
     upright = np.array(quat_between(tuple(normal), (0.0, 0.0, 1.0)))
     turned = clip.rotations.copy()
-    turned[:, 0] = multiply_many(upright, turned[:, 0])
-    return replace(clip, root_positions=rotate_many(upright, clip.root_positions), rotations=turned)
+    turned[:, 0] = quat_arrays.mul(upright, turned[:, 0])
+    return replace(
+        clip, root_positions=quat_arrays.rotate(upright, clip.root_positions), rotations=turned
+    )
 
 
 def _plane_normal(points: Array, scale: float) -> Array | None:
@@ -107,12 +110,12 @@ def _standing_flat(
 def _fitted_sole(leg: Leg, rotations: Array):
     """The sole whose frame is upright in these standing poses (N, J, 4)."""
     foot = rotations[:, leg.ankle]
-    up = rotate_many(foot * [1.0, -1.0, -1.0, -1.0], np.array([0.0, 0.0, 1.0])).mean(axis=0)
+    up = quat_arrays.rotate(foot * [1.0, -1.0, -1.0, -1.0], np.array([0.0, 0.0, 1.0])).mean(axis=0)
     frame = quat_upright(rotate(tuple(leg.sole.frame), (1.0, 0.0, 0.0)), tuple(up))
     toe_frame = np.array([1.0, 0.0, 0.0, 0.0])
     if leg.toe >= 0:
         toes = rotations[:, leg.toe] * [1.0, -1.0, -1.0, -1.0]
-        lying = multiply_many(toes, multiply_many(foot, np.array(frame)))
+        lying = quat_arrays.mul(toes, quat_arrays.mul(foot, np.array(frame)))
         lying *= np.where(lying @ lying[0] < 0.0, -1.0, 1.0)[:, None]
         toe_frame = lying.mean(axis=0) / np.linalg.norm(lying.mean(axis=0))
     return replace(leg.sole, frame=np.array(frame), toe_frame=toe_frame)

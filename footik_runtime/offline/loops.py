@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from footik_runtime import quat_arrays
 from footik_runtime.clip import Clip
 from footik_runtime.rig import Rig
-from footik_runtime.sole import multiply_many, rotate_many
 
 Array = NDArray[np.float64]
 
@@ -24,9 +24,9 @@ _FACING = math.radians(35.0)  # a body that moves closer to its facing than this
 def headings(clip: Clip, rig: Rig) -> Array:
     """(T,) yaw of the hips' forward direction, rad, continuous in time."""
     _, rest = rig.skeleton.rest_pose()
-    ahead = rotate_many(rest[rig.hips] * [1.0, -1.0, -1.0, -1.0], rig.forward)
+    ahead = quat_arrays.rotate(rest[rig.hips] * [1.0, -1.0, -1.0, -1.0], rig.forward)
     _, rotations = clip.model_pose()
-    facing = rotate_many(rotations[:, rig.hips], ahead)
+    facing = quat_arrays.rotate(rotations[:, rig.hips], ahead)
     return np.unwrap(np.arctan2(facing[:, 1], facing[:, 0]))
 
 
@@ -60,7 +60,7 @@ def _pose_features(clip: Clip, rig: Rig) -> Array:
     back = -headings(clip, rig)
     turn = np.stack([np.cos(back / 2), 0 * back, 0 * back, np.sin(back / 2)], axis=-1)
     hips = positions[:, rig.hips] * [1.0, 1.0, 0.0]
-    local = rotate_many(turn[:, None], positions - hips[:, None])
+    local = quat_arrays.rotate(turn[:, None], positions - hips[:, None])
     velocity = np.gradient(local, axis=0) * clip.fps if len(local) > 1 else 0.0 * local
     leg = float(rig.leg_lengths.mean())
     both = np.concatenate([local, 0.15 * velocity], axis=1) / leg
@@ -132,9 +132,13 @@ def _seen_from(clip: Clip, place: Array, yaw: Array) -> Clip:
     back = np.stack([np.cos(yaw / 2), 0 * yaw, 0 * yaw, -np.sin(yaw / 2)], axis=-1)
     moved = clip.root_positions - np.concatenate([place, 0 * place[:, :1]], axis=-1)
     rotations = clip.rotations.copy()
-    rotations[:, 0] = multiply_many(back, rotations[:, 0])
+    rotations[:, 0] = quat_arrays.mul(back, rotations[:, 0])
     return replace(
-        clip, root_positions=rotate_many(back, moved), rotations=rotations, loop=True, extras={}
+        clip,
+        root_positions=quat_arrays.rotate(back, moved),
+        rotations=rotations,
+        loop=True,
+        extras={},
     )
 
 
@@ -149,8 +153,8 @@ def _closed(clip: Clip) -> Clip:
     lack = clip.root_positions[0] - clip.root_positions[-1]
     roots = clip.root_positions + share[:, None] * lack
     first, last = clip.rotations[0], clip.rotations[-1]
-    missing = _rotvec(multiply_many(last * [1.0, -1.0, -1.0, -1.0], first))
-    rotations = multiply_many(clip.rotations, _from_rotvec(share[:, None, None] * missing))
+    missing = _rotvec(quat_arrays.mul(last * [1.0, -1.0, -1.0, -1.0], first))
+    rotations = quat_arrays.mul(clip.rotations, _from_rotvec(share[:, None, None] * missing))
     translations = clip.translations
     if translations is not None:
         translations = translations + share[:, None, None] * (translations[0] - translations[-1])
