@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from footik_runtime.formats.bvh_text import numbers
 from footik_runtime.formats.euler import euler_to_quaternions
+from footik_runtime.formats.number_text import read_numbers
 from footik_runtime.skeleton import Skeleton
 
 Array = NDArray[np.float64]
@@ -63,7 +64,8 @@ class BvhLayout:
     def lengths(self, text: str) -> Array:
         """(3,) an offset's text in our frame, m."""
         out = np.empty(3)
-        out[AXES[self.up]] = numbers(text) * self.scale
+        with np.errstate(over="ignore"):  # the skeleton refuses what is not finite
+            out[AXES[self.up]] = numbers(text) * self.scale
         return out
 
     def skeleton(self) -> Skeleton:
@@ -77,8 +79,8 @@ class BvhLayout:
 
     def values(self) -> Array:
         """(frames, width) the numbers of `motion`, parsed again."""
-        whole = self.frames * self.width
-        return np.fromstring(self.motion, sep=" ", count=whole).reshape(self.frames, self.width)
+        found, _ = read_numbers(self.motion)
+        return found[: self.frames * self.width].reshape(self.frames, self.width)
 
 
 @dataclass(frozen=True, kw_only=True)

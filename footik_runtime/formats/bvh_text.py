@@ -6,7 +6,6 @@ Whatever is wrong with a file is a FootIKError that names the file and the line.
 from __future__ import annotations
 
 import re
-import warnings
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NoReturn
@@ -15,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footik_runtime.errors import FootIKError, unknown_name
+from footik_runtime.formats.number_text import NUMERIC, read_numbers
 
 Array = NDArray[np.float64]
 
@@ -25,9 +25,6 @@ _BY_FOLDED = {name.lower(): name for name in CHANNELS}
 _TOKEN = re.compile(rb"[{}]|[^\s{}]++")
 _COUNT = re.compile(rb"\s*+Frames\s*+:?+\s*+(\S*+)", re.IGNORECASE)
 _TIME = re.compile(rb"\s*+Frame\s*+Time\s*+:?+\s*+(\S*+)", re.IGNORECASE)
-_NUMBER = rb"[+-]?+(?:(?:\d++\.?+\d*+|\.\d++)(?:[eE][+-]?+\d++)?+|nan|inf(?:inity)?+)"
-_NUMERIC = re.compile(_NUMBER, re.IGNORECASE)
-_NOT_NUMERIC = re.compile(rb"(?<!\S)(?!" + _NUMBER + rb"(?!\S))\S++", re.IGNORECASE)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -74,7 +71,7 @@ def parse_bvh(path: Path) -> BvhText:
     if not re.fullmatch(r"[+-]?\d+", count):
         source.fail(f"'Frames:' must be followed by a whole number, not {_shown(count)}")
     time = source.header(_TIME, "Frame Time:")
-    if not (_NUMERIC.fullmatch(time.encode()) and 0.0 < float(time) < float("inf")):
+    if not (NUMERIC.fullmatch(time.encode()) and 0.0 < float(time) < float("inf")):
         source.fail(f"the frame time must be a positive number of seconds, not {_shown(time)}")
     values, notes = _Motion(source, hierarchy.names, hierarchy.channels, width).read()
     if count.lstrip("+0") != str(len(values)):
@@ -235,7 +232,7 @@ class _Hierarchy:
         words = []
         for _ in range(3):
             word = self.source.token()
-            if not _NUMERIC.fullmatch(word.encode()) or not np.isfinite(float(word)):
+            if not NUMERIC.fullmatch(word.encode()) or not np.isfinite(float(word)):
                 joint = self.names[self._open[-1]]
                 self.source.fail(
                     f"OFFSET of joint {joint!r} needs three finite numbers, not {_shown(word)}"
@@ -298,16 +295,17 @@ class _Motion:
         self, source: _Source, names: list[str], channels: list[tuple[str, ...]], width: int
     ) -> None:
         self.source, self.names, self.channels, self.width = source, names, channels, width
-        letters = np.frombuffer(source.data, dtype=np.uint8)[source.at :]
-        blank = letters <= 32
-        begins = ~blank
-        begins[1:] &= blank[:-1]
-        self._begins, self._breaks = np.flatnonzero(begins), np.flatnonzero(letters == 10)
+        self.text = source.data[source.at :]
 
     def read(self) -> tuple[Array, list[str]]:
         """Values (T, C) of the whole frames, and notes."""
-        found = self._numbers()
-        notes = self._line_notes(len(found))
+        found, begins = read_numbers(self.text)
+        if len(found) < len(begins):
+            at = int(begins[len(found)])
+            word = _TOKEN.search(self.text, at)
+            shown = _shown(_decoded(word.group())) if word else "the end of the file"
+            self.source.fail(f"{shown} in the motion is not a number", self.source.at + at)
+        notes = self._line_notes(begins)
         frames = len(found) // self.width
         if frames == 0:
             self.source.fail(
@@ -317,29 +315,13 @@ class _Motion:
             )
         values = found[: frames * self.width].reshape(frames, self.width)
         if not np.isfinite(values).all():
-            self._fail_not_finite(values)
+            self._fail_not_finite(values, begins)
         return values, notes
 
-    def _numbers(self) -> Array:
-        text = self.source.data[self.source.at :]
-        try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("error", DeprecationWarning)  # junk, in NumPy's words
-                found = np.fromstring(text, sep=" ")
-            if len(found) == len(self._begins):
-                return found
-        except (DeprecationWarning, ValueError):
-            pass
-        if bad := _NOT_NUMERIC.search(text):
-            self.source.fail(
-                f"{_shown(_decoded(bad.group()))} in the motion is not a number",
-                self.source.at + bad.start(),
-            )
-        return np.array([float(word) for word in text.split()])
-
-    def _line_notes(self, total: int) -> list[str]:
+    def _line_notes(self, begins: NDArray[np.int64]) -> list[str]:
         """Check that lines are frames, where they are; a cut last frame is only a note."""
-        ends = np.append(np.searchsorted(self._begins, self._breaks), total)
+        breaks = np.flatnonzero(np.frombuffer(self.text, dtype=np.uint8) == ord("\n"))
+        ends = np.append(np.searchsorted(begins, breaks), len(begins))
         counts = np.diff(ends, prepend=0)
         lines = np.flatnonzero(counts)
         wrong = lines[counts[lines] != self.width]
@@ -349,16 +331,16 @@ class _Motion:
             if wrong[0] != lines[-1] or held > self.width:
                 self.source.fail(
                     f"the line holds {held} values; a frame of this hierarchy has {self.width}",
-                    self.source.at + int(self._begins[ends[wrong[0]] - 1]),
+                    self.source.at + int(begins[ends[wrong[0]] - 1]),
                 )
-        rest = total % self.width
+        rest = len(begins) % self.width
         return [f"The last frame is cut after {rest} of {self.width} values."] if rest else []
 
-    def _fail_not_finite(self, values: Array) -> NoReturn:
+    def _fail_not_finite(self, values: Array, begins: NDArray[np.int64]) -> NoReturn:
         frame, column = (int(n) for n in np.argwhere(~np.isfinite(values))[0])
         owners = [(j, name) for j, names in enumerate(self.channels) for name in names]
         joint, channel = owners[column]
-        at = int(self._begins[frame * self.width + column])
+        at = int(begins[frame * self.width + column])
         bad = np.count_nonzero(~np.isfinite(values).all(axis=1))
         self.source.fail(
             f"frame {frame}, joint {self.names[joint]!r}, channel {channel} is "
