@@ -556,6 +556,19 @@ def test_angles_written_run_on_past_half_turns_and_through_gimbal_lock(file, tmp
         np.testing.assert_allclose(angles, wanted, atol=1e-5)
 
 
+@pytest.mark.parametrize("lock", [90.0, -90.0])
+def test_angles_that_gimbal_lock_leaves_open_stay_where_they_were(file, tmp_path, lock):
+    wanted = np.array([[turn, lock, 20.0] for turn in np.linspace(0, 300, 61)])
+    text = one_joint("Zrotation Yrotation Xrotation", "0 0 20\n" + "0 0 0\n" * 60)
+    clip = read_bvh(file(text), up="z", scale=1.0)
+    turns = Rotation.from_euler("ZYX", wanted, degrees=True).as_quat(scalar_first=True)
+    turns[0] = clip.rotations[0, 0]  # kept: 0 0 20
+    write_bvh(replace(clip, rotations=turns[:, None]), tmp_path / "out.bvh")
+    lines = (tmp_path / "out.bvh").read_text().splitlines()[-60:]
+    angles = np.array([line.split() for line in lines], dtype=float)
+    np.testing.assert_allclose(angles, wanted[1:], atol=1e-6)
+
+
 def test_writing_is_whole_or_nothing_and_leaves_the_source_alone(file, tmp_path, monkeypatch):
     source = file()
     clip = read_bvh(source)
