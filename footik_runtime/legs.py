@@ -12,24 +12,17 @@ from footik_runtime.leg_ik import heel_lift, two_bone
 from footik_runtime.math3d import (
     add,
     clamp,
-    cross,
     dot,
     get3,
     get4,
     norm,
-    perpendicular,
     quat_axis_angle,
-    quat_between,
     quat_conj,
-    quat_from_basis,
     quat_mul,
     quat_nlerp,
-    reject,
     rotate,
-    scale,
     set4,
     sub,
-    unit,
 )
 from footik_runtime.quat_arrays import conj
 from footik_runtime.quat_arrays import rotate as rotate_array
