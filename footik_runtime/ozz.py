@@ -7,7 +7,7 @@ It stays in ozz's frame: y up, metres, radians, column vectors, (4, 4) matrices 
 space. Quaternions are wxyz as everywhere here. Corrections post-multiply: local' = local * q.
 
 Where ozz divides by zero (a zero bone, a pole along the target) this turns by nothing instead. A
-weighted aim always goes the short way round; ozz sometimes goes the long way.
+weighted aim always goes the short way round; ozz, asked to twist, sometimes goes the long way.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ def two_bone(
     if weight <= 0.0 or _singular(start) or _singular(mid):
         return IDENTITY.copy(), IDENTITY.copy(), False
 
-    to_start, to_mid = np.linalg.inv(start), np.linalg.inv(mid)
+    to_start, to_mid = _inverse(start), _inverse(mid)
     mid_to_start = to_start @ mid
     knee = mid_to_start[:3, 3]
     tip = _point(to_start, end[:3, 3])
@@ -87,7 +87,7 @@ def two_bone(
     if distance > 0.0:
         towards = goal / distance
         leg_normal = rotate(start_turn, mid_to_start[:3, :3] @ mid_axis)
-        plane = _turn_to(leg_normal, np.cross(goal, pole), towards, leg_normal @ pole >= 0.0)
+        plane = _turn_to(leg_normal, np.cross(goal, pole), towards, float(leg_normal @ pole))
         start_turn = mul(about(towards, twist), mul(plane, start_turn))
     return _weighted(start_turn, weight), _weighted(mid_turn, weight), reached
 
@@ -114,9 +114,7 @@ def aim(
     forward = _axis("forward", forward)
     offset, up = _vector("offset", offset), _vector("up", up)
     _check_finite(twist=twist, weight=weight)
-    if _singular(joint):
-        return IDENTITY.copy(), False
-    to_joint = np.linalg.inv(joint)
+    to_joint = _inverse(joint)
     goal, pole = _point(to_joint, target), to_joint[:3, :3] @ pole
     distance = _length(goal)
     along = float(forward @ offset)
@@ -131,7 +129,7 @@ def aim(
     turned_up, reference = rotate(turn, up), np.cross(pole, goal)
     towards = goal / distance
     side = np.cross(turned_up, goal)
-    roll = _turn_to(side, reference, towards, reference @ turned_up >= 0.0)
+    roll = _turn_to(side, reference, towards, float(reference @ turned_up))
     return _weighted(mul(about(towards, twist), mul(roll, turn)), weight), True
 
 
@@ -151,15 +149,15 @@ def _interior_angle(a: float, b: float, across: float) -> float:
     return _acos((a * a + b * b - across * across) / (2.0 * a * b))
 
 
-def _turn_to(normal: Array, reference: Array, axis: Array, positive: bool) -> Array:
-    """The turn about +axis or -axis by the angle between two normals; none where one is zero.
+def _turn_to(normal: Array, reference: Array, axis: Array, sense: float) -> Array:
+    """The turn about the axis, with the sign of `sense`, by the angle between two normals; none where one is zero.
 
     ozz measures the angle as it is, not projected on the plane it turns in.
     """
     normal, reference = unit(normal), unit(reference)
     if not normal.any() or not reference.any():
         return IDENTITY
-    return about(axis if positive else -axis, _acos(float(normal @ reference)))
+    return about(axis if sense >= 0.0 else -axis, _acos(float(normal @ reference)))
 
 
 def _weighted(turn: Array, weight: float) -> Array:
@@ -184,20 +182,23 @@ class LocalPose:
     scales: Array
     """(J, 3)."""
 
-    def local_matrix(self, joint: int, correction: ArrayLike = IDENTITY) -> Array:
-        """(4, 4), with the joint's rotation post-multiplied by a correction (4,)."""
-        matrix = np.eye(4)
-        turn = mul(self.rotations[joint], correction)
-        matrix[:3, :3] = rotate(turn, np.eye(3)).T * self.scales[joint]
-        matrix[:3, 3] = self.translations[joint]
-        return matrix
+    def local_matrices(self, joints: ArrayLike, corrections: ArrayLike = IDENTITY) -> Array:
+        """(N, 4, 4) of N joints, their rotations post-multiplied by corrections (N, 4)."""
+        joints = np.asarray(joints)
+        turns = mul(self.rotations[joints], corrections)
+        axes = rotate(turns[:, None, :], np.eye(3)) * self.scales[joints][:, :, None]
+        matrices = np.zeros((len(joints), 4, 4))
+        matrices[:, :3, :3] = np.swapaxes(axes, 1, 2)
+        matrices[:, :3, 3] = self.translations[joints]
+        matrices[:, 3, 3] = 1.0
+        return matrices
 
     def model_matrices(self) -> Array:
         """(J, 4, 4), joint to model space."""
-        matrices = np.empty((len(self.parents), 4, 4))
+        matrices = self.local_matrices(np.arange(len(self.parents)))
         for joint, parent in enumerate(self.parents):
-            local = self.local_matrix(joint)
-            matrices[joint] = local if parent < 0 else matrices[parent] @ local
+            if parent >= 0:
+                matrices[joint] = matrices[parent] @ matrices[joint]
         return matrices
 
 
@@ -258,7 +259,7 @@ def foot_ik(
     hits = [_ground(cast, ankle + UP * ANKLE_RAY_HEIGHT) for ankle in ankles]
     targets = [hit and hit[0] + UP * (foot_height / hit[1][1]) for hit in hits]
     pelvis = -UP * _pelvis_drop(ankles, targets)
-    to_model = np.linalg.inv(_placed(root + pelvis, yaw))
+    to_model = _inverse(_placed(root + pelvis, yaw))
     frames = []
     for joints, ankle, hit, target in zip(legs, ankles, hits, targets, strict=True):
         corrections = (IDENTITY, IDENTITY, IDENTITY)
@@ -295,7 +296,14 @@ def _leg_turns(
     hip, knee, ankle = joints
     pole = matrices[knee][:3, 1]
     hip_turn, knee_turn, _ = two_bone(
-        *matrices[[hip, knee, ankle]], target, KNEE_AXIS, pole, soften=soften, weight=weight
+        matrices[hip],
+        matrices[knee],
+        matrices[ankle],
+        target,
+        KNEE_AXIS,
+        pole,
+        soften=soften,
+        weight=weight,
     )
     foot = _chain(pose, matrices, joints, (hip_turn, knee_turn, IDENTITY))[2]
     foot_turn, _ = aim(foot, aimed, FOOT_FORWARD, np.zeros(3), FOOT_UP, foot[:3, 1], weight=weight)
@@ -309,17 +317,15 @@ def _chain(
     parent = pose.parents[joints[0]]
     at = matrices[parent] if parent >= 0 else np.eye(4)
     chain = []
-    for joint, correction in zip(joints, corrections, strict=True):
-        at = at @ pose.local_matrix(joint, correction)
+    for local in pose.local_matrices(joints, np.array(corrections)):
+        at = at @ local
         chain.append(at)
     return chain
 
 
 def _pelvis_drop(ankles: Sequence[Array], targets: Sequence[Array | None]) -> float:
     """Metres the lowest leg has to sink, negative where all must rise; 0 where none has ground."""
-    drops = [
-        float(a[1] - t[1]) for a, t in zip(ankles, targets, strict=True) if t is not None
-    ]
+    drops = [float(a[1] - t[1]) for a, t in zip(ankles, targets, strict=True) if t is not None]
     return max(drops, default=0.0)
 
 
@@ -360,6 +366,11 @@ def _singular(matrix: Array) -> bool:
     axes = matrix[:3, :3]
     size = float(np.prod(np.linalg.norm(axes, axis=0)))
     return abs(float(np.linalg.det(axes))) <= _TINY * size
+
+
+def _inverse(matrix: Array) -> Array:
+    """ozz takes zero for the inverse of a singular matrix: all is at the joint, nothing turns."""
+    return np.zeros((4, 4)) if _singular(matrix) else np.asarray(np.linalg.inv(matrix), np.float64)
 
 
 def _matrix(name: str, value: ArrayLike) -> Array:

@@ -24,8 +24,7 @@ pytestmark = pytest.mark.skipif(
 
 TWO_BONE_ROTATION, TWO_BONE_END, AIM_ROTATION = 5e-4, 1e-3, 1e-4
 PLACE, JOINT, ANKLE_AXES = 1e-5, 3e-4, 1e-3
-# Each is a share of the records that may be skipped; 11 % of weighted aims go the long way.
-LONG_WAY_LIMIT = 0.2
+LONG_WAY_LIMIT = 0.2  # share of the weighted aims that may be skipped; recorded are 11 to 12 %
 
 
 def records(kind: str) -> Iterator[tuple[str, dict]]:
@@ -58,8 +57,8 @@ class Comparison:
         figures = ", ".join(f"{what} {value:.3g}" for what, value in self.largest.items())
         summary = f"{self.compared} compared, {self.skipped} skipped; largest: {figures}"
         print(summary)
-        assert not self.offenders, (
-            f"{len(self.offenders)} differences; {summary}\n" + "\n".join(self.offenders[:10])
+        assert not self.offenders, f"{len(self.offenders)} differences; {summary}\n" + "\n".join(
+            self.offenders[:10]
         )
         assert self.compared > 0, f"no record to compare in {FOLDER}"
 
@@ -95,7 +94,7 @@ def turn_matrix(q) -> np.ndarray:
 
 
 def is_turn(q) -> bool:
-    return bool(np.isfinite(q).all()) and abs(np.linalg.norm(q) - 1.0) < 1e-9
+    return bool(np.isfinite(q).all()) and abs(float(np.linalg.norm(q)) - 1.0) < 1e-9
 
 
 # -- the kernels ---------------------------------------------------------------------------------
@@ -111,9 +110,11 @@ def end_after(start, mid, end, start_turn, mid_turn) -> np.ndarray:
 def test_every_two_bone_vector_is_reproduced():
     result = Comparison()
     for where, r in records("two_bone"):
-        joints = [matrix(r[name]) for name in ("start_joint", "mid_joint", "end_joint")]
+        start, mid, end = (matrix(r[name]) for name in ("start_joint", "mid_joint", "end_joint"))
         start_turn, mid_turn, reached = two_bone(
-            *joints,
+            start,
+            mid,
+            end,
             r["target"],
             r["mid_axis"],
             r["pole_vector"],
@@ -131,11 +132,10 @@ def test_every_two_bone_vector_is_reproduced():
         for name, turn in (("start", start_turn), ("mid", mid_turn)):
             expected = wxyz(r[f"{name}_correction_exact"])
             result.near(where, name, turned_apart(turn, expected), TWO_BONE_ROTATION)
-        start, mid, end = (joint[:3, 3] for joint in joints)
-        chain = np.linalg.norm(mid - start) + np.linalg.norm(end - mid)
-        got = end_after(*joints, start_turn, mid_turn)
+        chain = np.linalg.norm((mid - start)[:, 3]) + np.linalg.norm((end - mid)[:, 3])
+        got = end_after(start, mid, end, start_turn, mid_turn)
         missed = np.linalg.norm(got - r["end_after_exact"])
-        result.near(where, "end (of the chain)", missed / chain, TWO_BONE_END)
+        result.near(where, "end (of the chain)", float(missed / chain), TWO_BONE_END)
     result.check()
 
 
@@ -161,6 +161,7 @@ def test_every_aim_vector_is_reproduced_but_where_ozz_blends_the_long_way_round(
             continue
         if 0.0 < r["weight"] < 1.0:
             weighted += 1
+        if 0.0 < r["weight"] < 1.0 and r["twist_angle"] != 0.0:  # ozz errs with a twist only
             long_way = blended_the_long_way(aim(*arguments, 1.0)[0], r["weight"])
             if turned_apart(long_way, expected) <= AIM_ROTATION < turned_apart(turn, expected):
                 result.skipped += 1
