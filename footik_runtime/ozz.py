@@ -150,9 +150,9 @@ def _interior_angle(a: float, b: float, across: float) -> float:
 
 
 def _turn_to(normal: Array, reference: Array, axis: Array, sense: float) -> Array:
-    """The turn about the axis, with the sign of `sense`, by the angle between two normals; none where one is zero.
+    """The turn about the axis by the angle between two normals, with the sign of `sense`.
 
-    ozz measures the angle as it is, not projected on the plane it turns in.
+    None where a normal is zero. ozz measures the angle as it is, not in the plane it turns in.
     """
     normal, reference = unit(normal), unit(reference)
     if not normal.any() or not reference.any():
