@@ -45,10 +45,10 @@ weight: of the IK curve. phase: `Phase`. to_plant: seconds to the next plant, or
 since the last one while in contact, so that it falls at rate 1 and jumps at the release alone; inf
 for a foot that never plants, 0 for one that always stands. to_release: seconds to the end of the
 present contact, 0 in swing, inf for a foot that always stands. swing_time: duration of the swing
-before that plant, s, 0 for a foot without a swing. print (2,) and print_yaw: where that plant's flat footprint lies
-under the ankle, m and rad, in the frame the root has *at the plant*. pitch: how far the sole's nose
-points up then, rad. hip (3,): the leg's hip joint then, in the same frame; extension: from there
-to the ankle, m.
+before that plant, s, 0 for a foot without a swing. print (2,) and print_yaw: where that plant's
+flat footprint lies under the ankle, m and rad, in the frame the root has *at the plant*. pitch: how
+far the sole's nose points up then, rad. hip (3,): the leg's hip joint then, in the same frame;
+extension: from there to the ankle, m.
 """
 
 

@@ -15,7 +15,7 @@ from footik_runtime.rig import Rig
 Array = NDArray[np.float64]
 
 _SHORTEST = 0.4  # s
-_MOST_FRAMES = 400  # searched; longer clips are searched at a lower rate
+_MOST_STARTS = 500  # tried; of a longer clip, not every frame
 _NO_MOTION = 1e-4  # excursion, in leg lengths, of a pose that is only held
 _POOR = 0.35  # seam over excursion: above it, there is no cycle to be found
 _STRAIGHT = math.radians(12.0)  # a found cycle that turns less goes straight on
@@ -42,39 +42,18 @@ def find_loop(clip: Clip, rig: Rig) -> tuple[int, int]:
 
     The whole clip where nothing returns. The clip may be walked in any direction.
     """
-    step = max(1, math.ceil(len(clip) / _MOST_FRAMES))
     features = _pose_features(clip, rig)
-    coarse = features[::step]
-    shortest = max(2, math.ceil(_SHORTEST * clip.fps / step))
-    if len(coarse) <= shortest:
-        return 0, len(clip) - 1
-    distance = _distances(coarse, coarse)
-    excursion = np.maximum.accumulate(np.triu(distance), axis=1)
-    score = np.where(np.triu(np.ones_like(distance), shortest) > 0, distance, np.inf)
-    score /= np.maximum(excursion, _NO_MOTION)
-    # Of equally good seams, the shorter cycle: a hundredth of the excursion for each second.
-    first, last = np.indices(score.shape)
-    score += 0.01 * (last - first) * step / clip.fps
-    i, j = (int(k) for k in np.unravel_index(np.argmin(score), score.shape))
-    if score[i, j] > _POOR:
-        return 0, len(clip) - 1
-    return _refined(features, i * step, j * step, step)
-
-
-def _distances(a: Array, b: Array) -> Array:
-    """(N, M) between features (N, D) and (M, D)."""
-    squares = np.sum(a**2, axis=1)[:, None] + np.sum(b**2, axis=1) - 2.0 * a @ b.T
-    return np.sqrt(np.maximum(squares, 0.0))
-
-
-def _refined(features: Array, first: int, last: int, step: int) -> tuple[int, int]:
-    """The best seam less than a coarse step away from one found at that step, at either end."""
-    if step == 1:
-        return first, last
-    near = [np.arange(max(k - step + 1, 0), min(k + step, len(features))) for k in (first, last)]
-    distance = _distances(features[near[0]], features[near[1]])
-    i, j = np.unravel_index(np.argmin(distance), distance.shape)
-    return int(near[0][i]), int(near[1][j])
+    shortest = max(2, math.ceil(_SHORTEST * clip.fps))
+    best, ends = _POOR, (0, len(clip) - 1)
+    for first in range(0, len(clip) - shortest, max(1, math.ceil(len(clip) / _MOST_STARTS))):
+        distance = np.linalg.norm(features[first:] - features[first], axis=1)
+        score = distance / np.maximum(np.maximum.accumulate(distance), _NO_MOTION)
+        # Of equally good seams, the shorter cycle: a hundredth of the excursion for each second.
+        score += 0.01 / clip.fps * np.arange(len(score))
+        length = shortest + int(np.argmin(score[shortest:]))
+        if score[length] < best - 1e-9:
+            best, ends = float(score[length]), (first, first + length)
+    return ends
 
 
 def _pose_features(clip: Clip, rig: Rig) -> Array:
