@@ -263,9 +263,10 @@ def swinging(foot, ankle, turn, root_z, progress, bodies_at, bodies_turn):
 
 
 @compiled
-def carry_over(foot, start, base, base_turn, base_speed, duration, age):
+def carry_over(foot, start, speed, base, base_turn, duration, age):
     """Begin an offset from the pose that will be followed to where the foot was: `start`.
 
+    `speed` (3,) is the foot's against what it will follow, m/s.
     `base`, `base_turn` are the value, `age` seconds ago, of what is followed from now on.
     """
     if foot["known"] == 0 or duration <= 0.0:
@@ -273,7 +274,6 @@ def carry_over(foot, start, base, base_turn, base_speed, duration, age):
         return
     offset = sub(start, base)
     twist = quat_to_rotvec(quat_mul(get4(foot["out_turn"]), quat_conj(base_turn)))
-    speed = sub(get3(foot["out_speed"]), base_speed)
     set3(foot["offset"], offset)
     set3(foot["offset_speed"], limited_velocity(offset, speed, duration))
     set3(foot["twist"], twist)
@@ -324,17 +324,19 @@ def follow_swing(foot, told, dt, settings, bodies_at, bodies_turn):
         foot, get3(foot["anim"]), get4(foot["anim_turn"]), foot["root_z"], progress,
         bodies_at, bodies_turn,
     )  # fmt: skip
-    speed = scale(sub(now, base), 1.0 / dt if dt > 0.0 else 0.0)
-    start, age = get3(foot["out"]), dt
+    rate = 1.0 / dt if dt > 0.0 else 0.0
+    speed = scale(sub(now, base), rate)
+    start, start_speed, age = get3(foot["out"]), get3(foot["out_speed"]), dt
     if told["ahead"] and foot["air_age"] == 0.0 and foot["spent"] == 0:
         # It was free since the contact's end, not since the frame before: so any rate agrees.
         age = clamp(told["swing_time"] - told["to_plant"], 0.0, dt)
         base = add_scaled(now, speed, -age)
-        start = add_scaled(start, get3(foot["rolled"]), 1.0 - age / dt if dt > 0.0 else 0.0)
+        start_speed = scale(get3(foot["rolled"]), rate)
+        start = add_scaled(start, start_speed, dt - age)
     duration = settings["release_time"]
     if told["ahead"] and told["to_plant"] > 0.0:
         duration = min(duration, 0.8 * told["to_plant"])
-    carry_over(foot, start, base, base_turn, speed, duration, age)
+    carry_over(foot, start, sub(start_speed, speed), base, base_turn, duration, age)
 
 
 @compiled
@@ -518,8 +520,9 @@ def watch_ground(foot, told, hit, leg, dt, settings, bodies_at, bodies_turn):
         pitch = sole_pitch(get4(foot["anim_turn"]), settings["flat_angle"])
         base, base_turn = planted(point, turn, pitch, leg)
         carry_over(
-            foot, get3(foot["out"]), base, base_turn, (0.0, 0.0, 0.0), settings["settle_time"], dt
-        )
+            foot, get3(foot["out"]), get3(foot["out_speed"]), base, base_turn,
+            settings["settle_time"], dt,
+        )  # fmt: skip
 
 
 @compiled
@@ -559,7 +562,7 @@ def bump_to_plan(foot, told, leg, dt, settings, bodies_at, bodies_turn):
         bodies_at, bodies_turn,
     )  # fmt: skip
     left = foot["stride_time"] - foot["stride_age"]
-    carry_over(foot, get3(foot["out"]), base, base_turn, get3(foot["out_speed"]), left, dt)
+    carry_over(foot, get3(foot["out"]), (0.0, 0.0, 0.0), base, base_turn, left, dt)
 
 
 @compiled
@@ -608,7 +611,8 @@ def write_goal(foot, told, leg, settings, bodies_at, bodies_turn):
         foot["toes"] = foot["weight"]
         if arrived:
             # The first part of a known contact stands on the heel, which a lift would move.
-            stood = -told["to_plant"] / _HEEL_STANCE if told["ahead"] else 1.0
+            known = told["ahead"] and math.isfinite(told["to_release"])
+            stood = -told["to_plant"] / _HEEL_STANCE if known else 1.0
             foot["heel_lift"] = smooth_step(stood)
             heel = sole_pitch(turn, settings["flat_angle"]) > 0.0
             foot["pin"] = HEEL_PIN if heel else BALL_PIN
