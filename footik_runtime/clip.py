@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import cmath
+import math
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -10,7 +12,7 @@ from numpy.typing import NDArray
 
 from footik_runtime.compiled import compiled
 from footik_runtime.errors import FootIKError
-from footik_runtime.math3d import quat_unit, set4
+from footik_runtime.math3d import get4, quat_heading, quat_mul, quat_yaw
 from footik_runtime.skeleton import Skeleton
 
 Array = NDArray[np.float64]
@@ -127,6 +129,64 @@ class Clip:
             loop=False,
         )
 
+    def stride(self) -> tuple[float, Array]:
+        """What one cycle of a loop adds to the root: yaw (rad) and displacement (3,), m.
+
+        The displacement holds at the root's first heading, about the vertical through the origin:
+        a point p of one cycle is yaw-turned p + displacement in the next.
+        """
+        first, last = self.rotations[0, 0], self.rotations[-1, 0]
+        yaw = _heading_change(first, last)
+        turned = _turned(self.root_positions[0], yaw)
+        return yaw, self.root_positions[-1] - turned
+
+    def sample(self, time: float) -> Pose:
+        """The pose at a time in seconds, by cubic interpolation.
+
+        A looping clip goes on for ever in both directions, its root moving on by one stride and
+        turning by one turn a cycle; any other clip holds its first and last frame.
+        """
+        if not math.isfinite(time):
+            raise FootIKError(f"{self.name}: cannot sample at time {time}.")
+        last = len(self) - 1
+        x = time * self.fps if self.loop else min(max(time * self.fps, 0.0), float(last))
+        first = math.floor(x) if last else 0
+        u = x - first if last else 0.0
+        weights = np.array(cubic_weights(u))
+        frames = [first - 1, first, first + 1, first + 2]
+        cycles = np.zeros(4, dtype=int)
+        if self.loop and last:
+            cycles = np.floor_divide(frames, last)
+            frames = list(np.asarray(frames) - cycles * last)
+        else:
+            frames = [min(max(f, 0), last) for f in frames]
+        roots = [self._root(f, int(c)) for f, c in zip(frames, cycles, strict=True)]
+        rotations = _blend_rotations(self.rotations[frames], weights)
+        rotations[0] = _blend_rotations(np.array([[turn] for _, turn in roots]), weights)[0]
+        moved = self.translations
+        curves = {
+            n: float((1 - u) * v[frames[1]] + u * v[frames[2]]) for n, v in self.curves.items()
+        }
+        return Pose(
+            root_position=weights @ np.array([position for position, _ in roots]),
+            rotations=rotations,
+            translations=None if moved is None else np.tensordot(weights, moved[frames], 1),
+            curves=curves,
+        )
+
+    def _root(self, frame: int, cycle: int) -> tuple[Array, Array]:
+        """Position and rotation of the root in a frame of the cycle-th repetition."""
+        position, rotation = self.root_positions[frame], self.rotations[frame, 0]
+        if cycle == 0:
+            return position, rotation
+        yaw, step = self.stride()
+        # n times the same turn and step, summed in closed form on the complex plane.
+        turn = cmath.exp(1j * yaw)
+        flat = complex(step[0], step[1])
+        gone = flat * cycle if abs(turn - 1) < 1e-9 else flat * (1 - turn**cycle) / (1 - turn)
+        moved = _turned(position, yaw * cycle) + np.array([gone.real, gone.imag, step[2] * cycle])
+        return moved, np.array(quat_mul(quat_yaw(yaw * cycle), get4(rotation)))
+
     def model_pose(self) -> tuple[Array, Array]:
         """Positions (T, J, 3) and rotations (T, J, 4) of all joints in the clip's own frame."""
         return self.skeleton.forward(self.rotations, self.root_positions, self.translations)
@@ -144,3 +204,80 @@ def _continuous(rotations: Array, name: str) -> Array:
     flips = np.cumprod(np.where(turned, -1.0, 1.0), axis=0)
     unit[1:] *= flips[..., None]
     return np.ascontiguousarray(unit)
+
+
+def _heading_change(a: Array, b: Array) -> float:
+    """Yaw in radians that turns rotation a's heading to b's."""
+    return float(quat_heading(quat_mul(get4(b), (a[0], -a[1], -a[2], -a[3]))))
+
+
+def _turned(v: Array, yaw: float) -> Array:
+    """v (3,) turned about the vertical."""
+    c, s = math.cos(yaw), math.sin(yaw)
+    return np.array([c * v[0] - s * v[1], s * v[0] + c * v[1], v[2]])
+
+
+def _blend_rotations(rotations: Array, weights: Array) -> Array:
+    """(4, J, 4) samples to (J, 4), by weights (4,), made unit; signs are aligned first."""
+    signs = np.where(np.einsum("sjk,jk->sj", rotations, rotations[1]) < 0.0, -1.0, 1.0)
+    mixed = np.einsum("s,sj,sjk->jk", weights, signs, rotations)
+    return mixed / np.linalg.norm(mixed, axis=-1, keepdims=True)
+
+
+@compiled
+def cubic_weights(u):
+    """Catmull-Rom weights of the samples at -1, 0, 1, 2 for u in [0, 1]; exact at both ends."""
+    return (
+        0.5 * u * (-1.0 + u * (2.0 - u)),
+        1.0 + 0.5 * u * u * (-5.0 + 3.0 * u),
+        0.5 * u * (1.0 + u * (4.0 - 3.0 * u)),
+        0.5 * u * u * (u - 1.0),
+    )
+
+
+def blend(a: Clip, b: Clip, weight: float) -> Clip:
+    """The clip between two, `weight` of the way from a to b, matched by how far each has gone.
+
+    Durations, root paths, rotations and the curves both have are blended; walks at two speeds, cut
+    at the same phase, give a walk between. Raises FootIKError for different skeletons.
+    """
+    if a.skeleton.names != b.skeleton.names:
+        raise FootIKError(f"cannot blend {a.name!r} with {b.name!r}: their joints differ.")
+    if not 0.0 <= weight <= 1.0:
+        raise FootIKError(f"a blend weight must be in [0, 1], not {weight}.")
+    duration = (1.0 - weight) * a.duration + weight * b.duration
+    fps = max(a.fps, b.fps)
+    frames = max(2, round(duration * fps) + 1)
+    poses = [
+        (a.sample(s * a.duration), b.sample(s * b.duration)) for s in np.linspace(0, 1, frames)
+    ]
+    mix = np.array([1.0 - weight, weight])
+    moved = a.translations is not None or b.translations is not None
+    offsets = a.skeleton.offsets
+    return replace(
+        a,
+        fps=(frames - 1) / duration if duration > 0 else fps,
+        root_positions=np.array([mix @ [p.root_position, q.root_position] for p, q in poses]),
+        rotations=np.array([_mix_rotations(p.rotations, q.rotations, mix) for p, q in poses]),
+        translations=np.array([_mix_translations(p, q, mix, offsets) for p, q in poses])
+        if moved
+        else None,
+        curves={
+            n: np.array([mix @ [p.curves[n], q.curves[n]] for p, q in poses])
+            for n in a.curves.keys() & b.curves.keys()
+        },
+        loop=a.loop and b.loop,
+        name=f"{a.name}+{b.name}",
+        extras={},
+    )
+
+
+def _mix_rotations(p: Array, q: Array, mix: Array) -> Array:
+    sign = np.where(np.sum(p * q, axis=-1, keepdims=True) < 0.0, -1.0, 1.0)
+    mixed = mix[0] * p + mix[1] * sign * q
+    return mixed / np.linalg.norm(mixed, axis=-1, keepdims=True)
+
+
+def _mix_translations(p: Pose, q: Pose, mix: Array, offsets: Array) -> Array:
+    both = [offsets if pose.translations is None else pose.translations for pose in (p, q)]
+    return np.tensordot(mix, np.array(both), 1)

@@ -288,7 +288,7 @@ def quat_twist(q, axis):
 
 @compiled
 def quat_heading(q):
-    """Yaw in radians of the rotated +x axis, by its horizontal projection; 0 where it is vertical."""
+    """Yaw in radians of the rotated +x axis, by its horizontal part; 0 where vertical."""
     f = rotate(q, (1.0, 0.0, 0.0))
     return math.atan2(f[1], f[0]) if f[0] * f[0] + f[1] * f[1] > TINY else 0.0
 

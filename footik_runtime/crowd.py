@@ -1,0 +1,146 @@
+"""Crowd: many characters that share a motion, settings and a ground, stepped together.
+
+Rows are worked in blocks that fit the processor's cache. One character is a crowd of one.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from footik_runtime.errors import FootIKError
+from footik_runtime.foot_target import FOOT, FOOT_INPUT, PROBES, reset_foot
+from footik_runtime.ground import Ground, SceneGround
+from footik_runtime.legs import leg_records
+from footik_runtime.locomotion import BODY
+from footik_runtime.motion import Motion
+from footik_runtime.probes import HIT, PROBE
+from footik_runtime.rooms import BLOCK, Block, Bodies, Tables, after_rays, before_rays, step_native
+from footik_runtime.settings import FootIKSettings
+
+
+class Crowd:
+    """Characters that share a motion, settings and a ground; all of them step at once.
+
+    Attributes:
+        motion, settings, ground: as given.
+        bodies: (C,) of `BODY`: place the characters and command them here.
+        feet: (C, legs) of `FOOT`.
+        roots: (C, 3) where joint 0 of each is now, world, m.
+        rotations: (C, J, 4) local joint rotations now; row 0 is joint 0's in the world.
+    """
+
+    def __init__(
+        self,
+        motion: Motion,
+        ground: Ground,
+        count: int = 1,
+        *,
+        settings: FootIKSettings | None = None,
+    ) -> None:
+        if count < 1:
+            raise FootIKError(f"a crowd needs at least one character, not {count}.")
+        self.motion, self.ground = motion, ground
+        self.settings = settings or FootIKSettings()
+        skeleton, legs = motion.rig.skeleton, motion.rig.legs
+        joints = len(skeleton)
+        self.tables = Tables(
+            parents=skeleton.parents,
+            offsets=skeleton.offsets,
+            order=_joints_needed(motion),
+            roots=motion.roots,
+            rotations=motion.rotations,
+            translations=motion.translations,
+            timing=motion.timing,
+            legs=leg_records(motion.rig),
+            settings=self.settings.record(float(motion.rig.leg_lengths.mean())),
+            fps=float(motion.clip.fps),
+            cycle=float(motion.clip.duration),
+        )
+        self.bodies = np.zeros(count, dtype=BODY)
+        self.feet = np.zeros((count, len(legs)), dtype=FOOT)
+        self.roots = np.zeros((count, 3))
+        self.rotations = np.zeros((count, joints, 4))
+        self.block = _new_block(min(count, BLOCK), joints, len(legs))
+        self.bodies["rate"], self.bodies["enabled"] = 1.0, 1
+        self.bodies["velocity"], self.bodies["turn_rate"] = motion.velocity, motion.yaw_rate
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all feet: the next frame places them where the animation has them."""
+        for foot in self.feet.reshape(-1):
+            reset_foot(foot)
+        self.bodies["fresh"] = 1
+        self.bodies["hip_drop"] = self.bodies["hip_speed"] = self.bodies["climb"] = 0.0
+
+    def place(self, at: NDArray[np.float64], yaw: NDArray[np.float64] | float = 0.0) -> None:
+        """Put the roots somewhere, (C, 3) m, facing yaw, rad; feet are placed anew."""
+        self.bodies["root"], self.bodies["yaw"] = at, yaw
+        self.bodies["ground"], self.bodies["on_ground"] = self.bodies["root"][:, 2], 0
+        self.reset()
+
+    def command(
+        self, velocity: NDArray[np.float64], turn_rate: NDArray[np.float64] | float = 0.0
+    ) -> None:
+        """Tell characters where to go: (C, 2) or (2,) m/s in each root's frame, and rad/s.
+
+        The motion's rate follows the speed where it moves at all, within half and twice its own.
+        """
+        self.bodies["velocity"], self.bodies["turn_rate"] = velocity, turn_rate
+        if self.motion.speed > 0.05:
+            speed = np.hypot(*self.bodies["velocity"].T)
+            self.bodies["rate"] = np.clip(speed / self.motion.speed, *RATES)
+
+    def step(self, dt: float) -> None:
+        """Advance every character by dt seconds, 0 or more.
+
+        The scene's bodies stand where the ground's data has them now. Raises FootIKError for a dt
+        that is negative or not finite.
+        """
+        if not (math.isfinite(dt) and dt >= 0.0):
+            raise FootIKError(f"a step's dt must be 0 or more and finite, not {dt}.")
+        bodies = self._scene_bodies()
+        state = (self.bodies, self.feet, self.tables, self.roots, self.rotations, self.block)
+        caster = self.ground.caster() if isinstance(self.ground, SceneGround) else None
+        if caster is not None:
+            step_native(*state, dt, bodies, caster)
+            return
+        for first in range(0, len(self.bodies), BLOCK):
+            here = slice(first, first + BLOCK)
+            rows = (*(a[here] for a in state[:2]), self.tables, *(a[here] for a in state[3:5]))
+            before_rays(*rows, self.block, dt, bodies)
+            for probes, hits in zip(self.block.probes, self.block.hits, strict=True):
+                self.ground.cast(probes, hits)
+            after_rays(*rows, self.block, dt, bodies)
+
+    def _scene_bodies(self) -> Bodies:
+        if isinstance(self.ground, SceneGround):
+            return Bodies(self.ground.data.xpos, self.ground.data.xquat)
+        return _WORLD
+
+
+RATES = (0.5, 2.0)
+"""How slow and how fast a motion is played to match a speed, in parts of its own rate."""
+
+_WORLD = Bodies(np.zeros((1, 3)), np.array([[1.0, 0.0, 0.0, 0.0]]))
+
+
+def _joints_needed(motion: Motion) -> NDArray[np.int32]:
+    """Joints whose world pose the feet need: the legs and all above them, parents first."""
+    skeleton = motion.rig.skeleton
+    ends = [leg.toe if leg.toe >= 0 else leg.ankle for leg in motion.rig.legs]
+    return np.array(sorted({j for end in ends for j in skeleton.chain(end)}), dtype=np.int32)
+
+
+def _new_block(rows: int, joints: int, legs: int) -> Block:
+    probes = 1 + legs * PROBES
+    return Block(
+        moves=np.zeros((rows, joints, 3)),
+        at=np.zeros((rows, joints, 3)),
+        turn=np.zeros((rows, joints, 4)),
+        told=np.zeros((rows, legs), dtype=FOOT_INPUT),
+        probes=np.zeros((rows, probes), dtype=PROBE),
+        hits=np.zeros((rows, probes), dtype=HIT),
+    )

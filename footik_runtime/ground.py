@@ -1,0 +1,254 @@
+"""Ground: casts probes into a MuJoCo scene, through libmujoco itself, and answers with hits.
+
+The compiled path calls libmujoco's `mj_ray` from machine code. Where that library or its signature
+is not what we know (checked once, at import), or kernels are off (NUMBA_DISABLE_JIT=1), the same
+probes go through Python's `mujoco.mj_ray`, with the same answers.
+"""
+
+from __future__ import annotations
+
+from collections import namedtuple
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any, Protocol
+
+import llvmlite.binding
+import mujoco
+import numpy as np
+from numba import types
+from numpy.typing import NDArray
+
+from footik_runtime.compiled import compiled, jit_enabled
+from footik_runtime.errors import FootIKError
+from footik_runtime.math3d import add_scaled, dot, get3, set3
+from footik_runtime.probes import HIT, PROBE, set_miss
+
+Array = NDArray[np.float64]
+
+TERRAIN_GROUPS = (0,)
+"""Geom groups that rays see by default; characters live in a group of their own."""
+
+_OLDEST = 3_011_000  # mj_version() of 3.11.0, the first whose mj_ray returns the normal
+_ARGUMENTS = ("m:", "d:", "pnt:", "vec:", "geomgroup:", "flg_static:", "bodyexclude:", "geomid:")
+_PAST_BACK_FACE = 1e-5  # m beyond a back face before the ray goes on
+_MOST_BACK_FACES = 8
+
+
+class Ground(Protocol):
+    """Whatever answers probes: a scene, or a recording."""
+
+    def cast(self, probes: NDArray[Any], hits: NDArray[Any]) -> None:
+        """Answer each active probe (N,) PROBE in hits (N,) HIT; inactive ones keep their answer."""
+        ...
+
+
+def _load_native_ray() -> bool:
+    """Make libmujoco's mj_ray callable from kernels; False where it is not the one we know."""
+    text = mujoco.mj_ray.__doc__ or ""
+    known = mujoco.mj_version() >= _OLDEST and all(name in text for name in (*_ARGUMENTS, "normal"))
+    if not (jit_enabled() and known):
+        return False
+    folder = Path(mujoco.__file__).parent
+    names = ("libmujoco.so*", "libmujoco*.dylib", "mujoco.dll")
+    libraries = [str(path) for name in names for path in sorted(folder.glob(name))]
+    if not libraries:
+        return False
+    llvmlite.binding.load_library_permanently(libraries[0])
+    return bool(llvmlite.binding.address_of_symbol("mj_ray"))
+
+
+NATIVE_RAYS = _load_native_ray()
+"""Whether rays are cast from machine code here, or through Python's mujoco.mj_ray."""
+
+_POINTER = types.intp
+_mj_ray = types.ExternalFunction(
+    "mj_ray",
+    types.float64(
+        _POINTER,  # model
+        _POINTER,  # data
+        _POINTER,  # pnt[3]
+        _POINTER,  # vec[3]
+        _POINTER,  # geomgroup[6]
+        types.uint8,  # flg_static
+        types.int32,  # bodyexclude
+        _POINTER,  # geomid[1]
+        _POINTER,  # normal[3]
+    ),
+)
+
+
+Caster = namedtuple("Caster", "model data groups geom_body numbers geom_id")
+"""What `cast_native` needs: two addresses, the group mask, the geoms' bodies, and scratch."""
+
+
+@compiled
+def _record_hit(probe, travelled, geom, normal, geom_body, hit):
+    hit["hit"] = 1
+    hit["geom"] = geom
+    hit["body"] = geom_body[geom]
+    hit["distance"] = travelled
+    set3(hit["point"], add_scaled(get3(probe["origin"]), get3(probe["direction"]), travelled))
+    set3(hit["normal"], normal)
+
+
+@compiled
+def cast_native(model, data, groups, geom_body, probes, hits, numbers, geom_id):
+    """Cast active probes (N,) into hits (N,); model and data are addresses.
+
+    `numbers` (9,) float64 and `geom_id` (1,) int32 are scratch. Faces that look along the ray are
+    passed through: a ray that starts inside a box does not see that box.
+    """
+    origin, direction, normal = numbers[0:3], numbers[3:6], numbers[6:9]
+    for i in range(probes.shape[0]):
+        probe, hit = probes[i], hits[i]
+        if probe["active"] == 0:
+            continue
+        set_miss(hit)
+        set3(direction, get3(probe["direction"]))
+        travelled = 0.0
+        for _ in range(_MOST_BACK_FACES):
+            start = add_scaled(get3(probe["origin"]), get3(probe["direction"]), travelled)
+            set3(origin, start)
+            distance = _mj_ray(
+                model,
+                data,
+                origin.ctypes.data,
+                direction.ctypes.data,
+                groups.ctypes.data,
+                1,
+                -1,
+                geom_id.ctypes.data,
+                normal.ctypes.data,
+            )
+            travelled += distance
+            if geom_id[0] < 0 or distance < 0.0 or travelled > probe["length"]:
+                break
+            if dot(get3(normal), get3(direction)) <= 0.0:
+                _record_hit(probe, travelled, geom_id[0], get3(normal), geom_body, hit)
+                break
+            travelled += _PAST_BACK_FACE
+
+
+def _cast_through_python(
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    groups: NDArray[np.uint8],
+    probes: NDArray[Any],
+    hits: NDArray[Any],
+) -> None:
+    """The same as `cast_native`, a call of mujoco.mj_ray at a time."""
+    geom_id = np.zeros(1, dtype=np.int32)
+    normal = np.zeros(3)
+    for probe, hit in zip(probes, hits, strict=True):
+        if not probe["active"]:
+            continue
+        set_miss(hit)
+        travelled = 0.0
+        for _ in range(_MOST_BACK_FACES):
+            start = np.array(add_scaled(probe["origin"], probe["direction"], travelled))
+            distance = mujoco.mj_ray(
+                model, data, start, probe["direction"], groups, True, -1, geom_id, normal
+            )
+            travelled += distance
+            if geom_id[0] < 0 or distance < 0.0 or travelled > probe["length"]:
+                break
+            if float(normal @ probe["direction"]) <= 0.0:
+                _record_hit(probe, travelled, geom_id[0], normal, model.geom_bodyid, hit)
+                break
+            travelled += _PAST_BACK_FACE
+
+
+def group_mask(groups: Iterable[int]) -> NDArray[np.uint8]:
+    """(6,) mask of the geom groups that rays see. Raises FootIKError for groups outside 0..5."""
+    mask = np.zeros(mujoco.mjNGROUP, dtype=np.uint8)
+    for group in groups:
+        if not 0 <= group < mujoco.mjNGROUP:
+            raise FootIKError(f"geom group {group} is not in 0..{mujoco.mjNGROUP - 1}.")
+        mask[group] = 1
+    return mask
+
+
+class SceneGround:
+    """The ground of one MuJoCo scene: what rays hit in its geom groups, as `data` stands now.
+
+    Geoms with alpha 0 are invisible to rays. `data` must have been through mj_kinematics (or any
+    step) since bodies moved.
+    """
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        data: mujoco.MjData,
+        *,
+        groups: Iterable[int] = TERRAIN_GROUPS,
+        native: bool = NATIVE_RAYS,
+    ) -> None:
+        if native and not NATIVE_RAYS:
+            raise FootIKError("native rays are not available with this MuJoCo or without kernels.")
+        if data.geom_xpos.shape[0] != model.ngeom or data.qpos.shape[0] != model.nq:
+            raise FootIKError(
+                f"data does not belong to model: it has {data.geom_xpos.shape[0]} geoms, "
+                f"the model {model.ngeom}."
+            )
+        self.model = model
+        self.data = data
+        self._mask = group_mask(groups)
+        self._native = native
+        self._geom_body = np.ascontiguousarray(model.geom_bodyid)
+        self._numbers, self._geom_id = np.empty(9), np.empty(1, dtype=np.int32)
+
+    def cast(self, probes: NDArray[Any], hits: NDArray[Any]) -> None:
+        """Answer the active probes; see `Ground.cast`. May be called from several threads."""
+        if not self._native:
+            _cast_through_python(self.model, self.data, self._mask, probes, hits)
+            return
+        cast_native(*self._new_caster()[:4], probes, hits, np.empty(9), np.empty(1, dtype=np.int32))
+
+    def caster(self) -> Caster | None:
+        """What compiled code needs to cast here by itself; None where rays go through Python."""
+        return self._new_caster() if self._native else None
+
+    def _new_caster(self) -> Caster:
+        # Addresses are asked anew: MuJoCo may have rebuilt a model in place.
+        model, data = self.model._address, self.data._address
+        return Caster(model, data, self._mask, self._geom_body, self._numbers, self._geom_id)
+
+    def under(
+        self, points: Array, *, above: float = 0.5, reach: float = 3.0
+    ) -> tuple[Array, NDArray[np.int32]]:
+        """Terrain height under each of the points (N, 3), and the geom it is; NaN and -1 on a miss.
+
+        Rays start `above` metres over each point, and end `reach` metres lower.
+        """
+        probes, hits = np.zeros(len(points), dtype=PROBE), np.zeros(len(points), dtype=HIT)
+        probes["origin"] = points + np.array([0.0, 0.0, above])
+        probes["direction"] = [0.0, 0.0, -1.0]
+        probes["length"] = reach
+        probes["active"] = 1
+        self.cast(probes, hits)
+        return np.where(hits["hit"] == 1, hits["point"][:, 2], np.nan), hits["geom"].copy()
+
+    def height(self, points: Array, *, above: float = 0.5, reach: float = 3.0) -> Array:
+        """Terrain height under each of the points (..., 3), as of `under`."""
+        heights, _ = self.under(np.reshape(points, (-1, 3)), above=above, reach=reach)
+        return heights.reshape(np.shape(points)[:-1])
+
+
+class RecordedGround:
+    """Plays recorded hits back, one per active probe, in the order they were asked."""
+
+    def __init__(self, hits: Sequence[NDArray[Any]] | NDArray[Any]) -> None:
+        self._hits = np.asarray(hits, dtype=HIT).reshape(-1)
+        self._next = 0
+
+    def cast(self, probes: NDArray[Any], hits: NDArray[Any]) -> None:
+        """Answer the active probes from the recording. Raises FootIKError when it has run out."""
+        active = np.flatnonzero(probes["active"])
+        end = self._next + len(active)
+        if end > len(self._hits):
+            raise FootIKError(
+                f"the recording holds {len(self._hits)} hits, but ray {len(self._hits) + 1} "
+                "was asked for."
+            )
+        hits[active] = self._hits[self._next : end]
+        self._next = end

@@ -1,0 +1,143 @@
+"""Legs: what the goal of each foot makes of the pose, hip to toes."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from footik_runtime.compiled import compiled
+from footik_runtime.leg_ik import heel_lift, two_bone
+from footik_runtime.math3d import (
+    add,
+    clamp,
+    dot,
+    get3,
+    get4,
+    norm,
+    quat_axis_angle,
+    quat_conj,
+    quat_mul,
+    quat_nlerp,
+    rotate,
+    set4,
+    sub,
+)
+from footik_runtime.quat_arrays import conj
+from footik_runtime.quat_arrays import rotate as rotate_array
+from footik_runtime.rig import Rig
+
+_STRAIGHTEST = 0.998
+"""Part of a leg's length that no goal may ask for more of: a straighter knee pops."""
+
+LEG = np.dtype(
+    [
+        ("hip", "i4"),
+        ("knee", "i4"),
+        ("ankle", "i4"),
+        ("toe", "i4"),
+        ("length", "f8"),
+        ("height", "f8"),
+        ("heel", "f8"),
+        ("ball", "f8"),
+        ("tip", "f8"),
+        ("half_width", "f8"),
+        ("frame", "f8", 4),
+        ("toe_frame", "f8", 4),
+        ("hinge", "f8", 3),
+    ],
+    align=True,
+)
+"""A `Leg` and its `Sole` for compiled code. hinge: the knee's axis in the hip joint's frame,
+pointing left at rest."""
+
+
+def leg_records(rig: Rig) -> NDArray[np.void]:
+    """(legs,) of `LEG`."""
+    out = np.zeros(len(rig.legs), dtype=LEG)
+    _, rest = rig.skeleton.rest_pose()
+    for record, leg, length in zip(out, rig.legs, rig.leg_lengths, strict=True):
+        sole = leg.sole
+        for name in ("hip", "knee", "ankle", "toe"):
+            record[name] = getattr(leg, name)
+        for name in ("height", "heel", "ball", "tip", "half_width", "frame", "toe_frame"):
+            record[name] = getattr(sole, name)
+        record["length"] = length
+        record["hinge"] = rotate_array(conj(rest[leg.hip]), np.cross([0.0, 0.0, 1.0], rig.forward))
+    return out
+
+
+@compiled
+def usable(leg, extension, settings):
+    """How long a leg may be made, m: what the setting says, or the animated leg's own extension."""
+    length = leg["length"]
+    return clamp(extension, settings["reach"] * length, _STRAIGHTEST * length)
+
+
+@compiled
+def lifted(leg, hip, goal, goal_turn, reach, held, settings):
+    """The goal with its heel raised over the ball as far as the leg is too short for it.
+
+    The ball stays where it is; `held` scales the angle.
+    """
+    ball = add(goal, rotate(goal_turn, (leg["ball"], 0.0, -leg["height"])))
+    axis = rotate(goal_turn, (0.0, 1.0, 0.0))
+    angle = held * min(heel_lift(hip, goal, ball, axis, reach), settings["max_heel_lift"])
+    if angle <= 0.0:
+        return goal, goal_turn
+    turn = quat_axis_angle(axis, angle)
+    return add(ball, rotate(turn, sub(goal, ball))), quat_mul(turn, goal_turn)
+
+
+@compiled
+def lie_toes(leg, foot, sole_turn, normal, share, parents, local):
+    """Bend the toes so that they stay flat on the plane while the heel is up, by a share."""
+    ahead = rotate(sole_turn, (1.0, 0.0, 0.0))
+    pitch = min(math.asin(clamp(dot(ahead, normal), -1.0, 1.0)), 0.0)
+    flat = quat_mul(sole_turn, quat_axis_angle((0.0, 1.0, 0.0), pitch))
+    toes = quat_mul(flat, quat_conj(get4(leg["toe_frame"])))
+    # Between ankle and toes there may be joints that follow the foot.
+    bent = quat_mul(quat_conj(foot), toes)
+    set4(local[leg["toe"]], quat_nlerp(get4(local[leg["toe"]]), bent, share))
+
+
+@compiled
+def pose_leg(leg, drop, goal, goal_turn, held, toes, normal, parents, settings, local, at, turn):
+    """Pose one leg for a goal of its ankle and sole, into the local rotations (J, 4).
+
+    Args:
+        leg: `LEG`.
+        drop: how far the hips are lowered from the world pose `at`, m.
+        goal, goal_turn: of the ankle joint and the sole, world.
+        held: 0 to 1, how much the foot is on the ground: so much may the heel lift over the ball
+            where the leg is too short.
+        toes, normal: how much the toes lie flat, and on which plane.
+        parents: (J,) of the skeleton.
+        settings: `SETTINGS`.
+        local: (J, 4) read and written.
+        at, turn: (J, 3), (J, 4) animated pose of the leg's joints, world, before the drop.
+
+    Returns:
+        The ankle (3,) and sole rotation that the leg came to, and whether it reached the goal.
+    """
+    down = (0.0, 0.0, -drop)
+    hip = add(get3(at[leg["hip"]]), down)
+    knee = add(get3(at[leg["knee"]]), down)
+    ankle = add(get3(at[leg["ankle"]]), down)
+    reach = usable(leg, norm(sub(ankle, hip)), settings)
+    goal, goal_turn = lifted(leg, hip, goal, goal_turn, reach, held, settings)
+    foot = quat_mul(goal_turn, quat_conj(get4(leg["frame"])))
+    hip_turn, knee_turn = get4(turn[leg["hip"]]), get4(turn[leg["knee"]])
+    hinge = rotate(hip_turn, get3(leg["hinge"]))
+    thigh, shin, came_to, reached = two_bone(hip, knee, ankle, goal, hinge, reach)
+    # Joints between hip, knee and ankle keep their local rotations and ride along.
+    over_hip = get4(turn[parents[leg["hip"]]])
+    over_knee = quat_mul(thigh, get4(turn[parents[leg["knee"]]]))
+    over_ankle = quat_mul(shin, get4(turn[parents[leg["ankle"]]]))
+    set4(local[leg["hip"]], quat_mul(quat_conj(over_hip), quat_mul(thigh, hip_turn)))
+    set4(local[leg["knee"]], quat_mul(quat_conj(over_knee), quat_mul(shin, knee_turn)))
+    set4(local[leg["ankle"]], quat_mul(quat_conj(over_ankle), foot))
+    if leg["toe"] >= 0 and toes > 0.0:
+        lie_toes(leg, foot, goal_turn, normal, toes, parents, local)
+    return came_to, goal_turn, reached

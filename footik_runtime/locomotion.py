@@ -1,0 +1,111 @@
+"""Locomotion: the kinematic character controller that moves the root over the ground.
+
+A character is told a velocity and a turn rate. Its root goes there, and a spring carries it up and
+down over the ground that its own ray saw; that ray is cast ahead, where the root will be by the
+time the spring has caught up, so that a constant slope is followed without lag at any frame rate.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from footik_runtime.compiled import compiled
+from footik_runtime.inertia import spring
+from footik_runtime.math3d import quat_yaw, rotate
+from footik_runtime.probes import set_probe
+
+BODY = np.dtype(
+    [
+        ("time", "f8"),
+        ("rate", "f8"),
+        ("velocity", "f8", 2),
+        ("turn_rate", "f8"),
+        ("root", "f8", 3),
+        ("climb", "f8"),
+        ("yaw", "f8"),
+        ("ground", "f8"),
+        ("on_ground", "i4"),
+        ("frame", "i4"),
+        ("part", "f8"),
+        ("hip_drop", "f8"),
+        ("hip_speed", "f8"),
+        ("fresh", "i4"),
+        ("enabled", "i4"),
+    ],
+    align=True,
+)
+"""One character: where its root is and what it was told.
+
+time: in the motion's cycle, s; rate: its playback rate. velocity (2,): commanded, m/s in the root's
+frame; turn_rate: rad/s. root (3,), yaw: world; climb: vertical speed. ground: height the root
+tends to, from its own ray; on_ground: whether that ray hit. frame, part: of the motion's cycle.
+hip_drop, hip_speed: how far the hips are lowered, m, m/s; fresh: 1 until they
+are placed for the first time. enabled: 0 leaves the animation alone.
+"""
+
+
+@compiled
+def root_rows(bodies, dt, cycle, settings):
+    """Advance the clocks and the roots of these rows."""
+    for c in range(bodies.shape[0]):
+        body = bodies[c]
+        time = body["time"] + dt * body["rate"]
+        body["time"] = time - math.floor(time / cycle) * cycle
+        move_root(body, dt, settings)
+
+
+@compiled
+def move_root(body, dt, settings):
+    """The kinematic character controller: go where it was told, over the ground as it was seen."""
+    turn = body["turn_rate"] * dt
+    yaw = body["yaw"] + 0.5 * turn  # the chord of the arc
+    c, s = math.cos(yaw), math.sin(yaw)
+    vx, vy = body["velocity"][0], body["velocity"][1]
+    body["root"][0] += (c * vx - s * vy) * dt
+    body["root"][1] += (s * vx + c * vy) * dt
+    body["yaw"] += turn
+    if body["on_ground"]:
+        z, climb = spring(
+            body["root"][2], body["climb"], body["ground"], settings["root_half_life"], dt
+        )
+        body["root"][2], body["climb"] = z, climb
+    else:
+        body["climb"] = 0.0
+
+
+@compiled
+def ask_root(body, dt, probe, settings):
+    """Ask for the ground ahead: where the root will be when its spring has caught up."""
+    lag = settings["root_half_life"] * 2.0 / 1.67835 + dt
+    c, s = math.cos(body["yaw"]), math.sin(body["yaw"])
+    vx, vy = body["velocity"][0] * lag, body["velocity"][1] * lag
+    z = body["root"][2] + settings["ground_above"]
+    origin = (body["root"][0] + c * vx - s * vy, body["root"][1] + s * vx + c * vy, z)
+    set_probe(probe, origin, (0.0, 0.0, -1.0), settings["ground_above"] + settings["ground_below"])
+
+
+@compiled
+def hear_root(body, hit):
+    """Take what the root's ray met as the height to tend to; over nothing, keep the height."""
+    body["on_ground"] = hit["hit"]
+    if hit["hit"]:
+        body["ground"] = hit["point"][2]
+
+
+@compiled
+def ahead_of(body, point, seconds):
+    """A point of the root's frame (3,) as it will lie in the world, `seconds` from now."""
+    turn = body["turn_rate"] * seconds
+    yaw = body["yaw"] + 0.5 * turn
+    c, s = math.cos(yaw), math.sin(yaw)
+    # The chord of an arc is shorter than the arc.
+    chord = seconds if abs(turn) < 1e-6 else seconds * math.sin(0.5 * turn) / (0.5 * turn)
+    vx, vy = body["velocity"][0] * chord, body["velocity"][1] * chord
+    place = rotate(quat_yaw(body["yaw"] + turn), point)
+    return (
+        body["root"][0] + c * vx - s * vy + place[0],
+        body["root"][1] + s * vx + c * vy + place[1],
+        body["root"][2] + body["climb"] * max(seconds, 0.0) + place[2],
+    )

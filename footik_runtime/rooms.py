@@ -1,0 +1,237 @@
+"""Rooms: a frame of many characters, one compiled function a room, over rows of records.
+
+A row is one character. In order: move the root (`locomotion`), sample and place the pose, ask the
+probes, cast them (`ground`), settle the feet and move the hips, solve the legs.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import namedtuple
+
+from footik_runtime.compiled import compiled
+from footik_runtime.foot_target import (
+    PROBES,
+    intend,
+    remember,
+    settle,
+)
+from footik_runtime.ground import cast_native
+from footik_runtime.hips import move_hips, wanted_drop
+from footik_runtime.legs import pose_leg
+from footik_runtime.locomotion import ahead_of, ask_root, hear_root, root_rows
+from footik_runtime.math3d import (
+    add,
+    get3,
+    get4,
+    quat_mul,
+    quat_yaw,
+    rotate,
+    set3,
+    set4,
+)
+from footik_runtime.motion import sample_pose
+
+BLOCK = 32
+"""Rows worked together."""
+
+Tables = namedtuple(
+    "Tables",
+    "parents offsets order roots rotations translations timing legs settings fps cycle",
+)
+"""What all rows share; see `Motion`. order: joints whose world pose the feet need."""
+
+Bodies = namedtuple("Bodies", "at turn")
+"""Positions (B, 3) and rotations (B, 4) of the scene's bodies, now."""
+
+Block = namedtuple("Block", "moves at turn told probes hits")
+"""Work space of one block: translations (BLOCK, J, 3), world positions and rotations of joints,
+`FOOT_INPUT` (BLOCK, legs), probes and hits (BLOCK, 1 + legs * PROBES), the first for the root."""
+
+
+@compiled
+def pose_row(body, tables, root, local, moves, at, turn):
+    """Sample the motion and put the joints that the feet need in the world."""
+    frame, part = sample_pose(
+        tables.roots, tables.rotations, tables.translations, tables.fps, body["time"], root,
+        local, moves,
+    )  # fmt: skip
+    body["frame"], body["part"] = frame, part
+    yaw = quat_yaw(body["yaw"])
+    set3(root, add(get3(body["root"]), rotate(yaw, get3(root))))
+    set4(local[0], quat_mul(yaw, get4(local[0])))
+    set3(at[0], get3(root))
+    set4(turn[0], get4(local[0]))
+    moved = moves if tables.translations.shape[0] else tables.offsets
+    for k in range(1, tables.order.shape[0]):
+        j = tables.order[k]
+        p = tables.parents[j]
+        by = get4(turn[p])
+        set4(turn[j], quat_mul(by, get4(local[j])))
+        set3(at[j], add(get3(at[p]), rotate(by, get3(moved[j]))))
+
+
+@compiled
+def tell_foot(body, timing, part, fps, leg, at, turn, told):
+    """Write what one foot is told: its animated pose, and what the motion's table says of it."""
+    set3(told["ankle"], get3(at[leg["ankle"]]))
+    set4(told["turn"], quat_mul(get4(turn[leg["ankle"]]), get4(leg["frame"])))
+    told["root_z"] = body["root"][2]
+    told["weight"] = timing["weight"]
+    told["ahead"] = 1 if math.isfinite(timing["to_plant"]) and body["rate"] > 0.0 else 0
+    if told["ahead"] == 0:
+        return
+    seconds = (timing["to_plant"] - part / fps) / body["rate"]
+    told["to_release"] = (timing["to_release"] - part / fps) / body["rate"]
+    place = ahead_of(body, (timing["print"][0], timing["print"][1], 0.0), seconds)
+    told["to_plant"], told["swing_time"] = seconds, timing["swing_time"] / body["rate"]
+    told["place"][0], told["place"][1] = place[0], place[1]
+    told["pitch"] = timing["pitch"]
+    told["yaw"] = body["yaw"] + body["turn_rate"] * seconds + timing["print_yaw"]
+
+
+@compiled
+def others_locked(feet, i):
+    """Whether every foot of this character but the i-th is locked."""
+    locked = 0
+    for k in range(feet.shape[0]):
+        locked += feet[k]["locked"]
+    return locked - feet[i]["locked"] == feet.shape[0] - 1
+
+
+@compiled
+def ask_row(body, feet, tables, at, turn, told, probes, dt, scene):
+    """Ask every probe of one character: its root's first, then PROBES of each foot."""
+    ask_root(body, dt, probes[0], tables.settings)
+    for i in range(feet.shape[0]):
+        leg = tables.legs[i]
+        timing = tables.timing[body["frame"], i]
+        tell_foot(body, timing, body["part"], tables.fps, leg, at, turn, told[i])
+        first = 1 + i * PROBES
+        intend(
+            feet[i], told[i], leg, others_locked(feet, i), dt, probes[first : first + PROBES],
+            tables.settings, scene.at, scene.turn,
+        )  # fmt: skip
+
+
+@compiled
+def settle_row(body, feet, tables, at, told, hits, dt, scene):
+    """Hear every hit of one character: settle its feet, and move its hips."""
+    hear_root(body, hits[0])
+    wanted = 0.0
+    for i in range(feet.shape[0]):
+        leg = tables.legs[i]
+        first = 1 + i * PROBES
+        settle(
+            feet[i], told[i], leg, hits[first : first + PROBES], dt, tables.settings,
+            scene.at, scene.turn,
+        )  # fmt: skip
+        timing = tables.timing[body["frame"], i]
+        next_hip = ahead_of(body, get3(timing["hip"]), max(told[i]["to_plant"], 0.0))
+        drop = wanted_drop(
+            feet[i], told[i], leg, get3(at[leg["hip"]]), next_hip, timing["extension"],
+            tables.settings,
+            scene.at, scene.turn,
+        )  # fmt: skip
+        feet[i]["drop"] = drop
+        wanted = max(wanted, drop)
+    move_hips(body, wanted, dt, tables.settings)
+
+
+@compiled
+def leg_row(body, feet, tables, root, local, at, turn, told, dt):
+    """Lower the hips and solve the legs of one character, into its local rotations (J, 4)."""
+    root[2] -= body["hip_drop"]
+    for i in range(feet.shape[0]):
+        foot = feet[i]
+        ankle, sole_turn, reached = pose_leg(
+            tables.legs[i], body["hip_drop"], get3(foot["goal"]), get4(foot["goal_turn"]),
+            foot["heel_lift"], foot["toes"], get3(foot["normal"]), tables.parents, tables.settings,
+            local, at, turn,
+        )  # fmt: skip
+        foot["reached"] = reached
+        if not reached:
+            foot["locked"] = 0
+        remember(foot, told[i], ankle, sole_turn, dt)
+
+
+# --- blocks of rows -----------------------------------------------------------------------------
+
+
+@compiled
+def pose_rows(bodies, tables, roots, locals_, block):
+    """Sample and place the poses of these rows."""
+    for c in range(bodies.shape[0]):
+        pose_row(
+            bodies[c], tables, roots[c], locals_[c], block.moves[c], block.at[c], block.turn[c]
+        )
+
+
+@compiled
+def ask_rows(bodies, feet, tables, block, dt, scene):
+    """Ask the probes of these rows."""
+    for c in range(bodies.shape[0]):
+        if bodies[c]["enabled"]:
+            ask_row(
+                bodies[c], feet[c], tables, block.at[c], block.turn[c], block.told[c],
+                block.probes[c], dt, scene,
+            )  # fmt: skip
+        else:
+            for k in range(1, block.probes.shape[1]):
+                block.probes[c, k]["active"] = 0
+            ask_root(bodies[c], dt, block.probes[c, 0], tables.settings)
+
+
+@compiled
+def settle_rows(bodies, feet, tables, block, dt, scene):
+    """Hear the hits of these rows."""
+    for c in range(bodies.shape[0]):
+        if bodies[c]["enabled"]:
+            settle_row(
+                bodies[c], feet[c], tables, block.at[c], block.told[c], block.hits[c], dt, scene
+            )
+        else:
+            hear_root(bodies[c], block.hits[c, 0])
+
+
+@compiled
+def leg_rows(bodies, feet, tables, roots, locals_, block, dt):
+    """Solve the legs of these rows."""
+    for c in range(bodies.shape[0]):
+        if bodies[c]["enabled"]:
+            leg_row(
+                bodies[c], feet[c], tables, roots[c], locals_[c], block.at[c], block.turn[c],
+                block.told[c], dt,
+            )  # fmt: skip
+
+
+@compiled
+def before_rays(bodies, feet, tables, roots, locals_, block, dt, scene):
+    """The rooms before the rays."""
+    root_rows(bodies, dt, tables.cycle, tables.settings)
+    pose_rows(bodies, tables, roots, locals_, block)
+    ask_rows(bodies, feet, tables, block, dt, scene)
+
+
+@compiled
+def after_rays(bodies, feet, tables, roots, locals_, block, dt, scene):
+    """The rooms after the rays."""
+    settle_rows(bodies, feet, tables, block, dt, scene)
+    leg_rows(bodies, feet, tables, roots, locals_, block, dt)
+
+
+@compiled
+def step_native(bodies, feet, tables, roots, locals_, block, dt, scene, caster):
+    """A whole frame of many rows, block by block, with native rays: nothing calls Python."""
+    rows = bodies.shape[0]
+    for first in range(0, rows, BLOCK):
+        last = min(first + BLOCK, rows)
+        here, theirs = bodies[first:last], feet[first:last]
+        root, local = roots[first:last], locals_[first:last]
+        before_rays(here, theirs, tables, root, local, block, dt, scene)
+        for c in range(last - first):
+            cast_native(
+                caster.model, caster.data, caster.groups, caster.geom_body, block.probes[c],
+                block.hits[c], caster.numbers, caster.geom_id,
+            )  # fmt: skip
+        after_rays(here, theirs, tables, root, local, block, dt, scene)

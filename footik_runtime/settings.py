@@ -1,0 +1,203 @@
+"""FootIKSettings: every number a user may tune, with presets; scaled to the body when used."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields, replace
+from typing import Any, Literal
+
+import numpy as np
+
+from footik_runtime.errors import FootIKError, unknown_name
+
+STANDARD_LEG = 0.85
+"""Leg length in metres at which lengths in the settings hold as they are."""
+
+_LENGTHS = (
+    "step_height",
+    "stride_distance",
+    "ground_above",
+    "ground_below",
+    "largest_step",
+    "foothold_shift",
+    "clearance",
+    "replan_distance",
+    "max_hip_drop",
+    "max_hip_foot",
+    "foot_height",
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FootIKSettings:
+    """How feet are placed. Lengths are for a leg of 0.85 m and scale with the leg.
+
+    Attributes:
+        behaviour: "default", or "openkcc": OpenKCC's own state machine, faults and all.
+        weight_on: a released foot is placed when its IK weight rises to this, in (0, 1].
+        weight_off: a grounded foot is released when its IK weight falls below this; less than
+            `weight_on`, so that no weight makes it chatter.
+        place_time: s in which a swinging foot is blended onto its foothold, before contact where
+            the plant is known ahead, after it otherwise.
+        release_time: s in which a released foot returns to the animation.
+        settle_time: s in which a planted foot follows ground that sank or rose.
+        stride_time: s of a bump stride: the step of a planted foot to a better place.
+        step_height: m that a bump stride lifts the foot.
+        stride_distance: m between a planted foot and the animated one that starts a bump stride.
+        stride_angle_deg: degrees between them that start one.
+        ground_above: m over the foot's ground from which rays are cast.
+        ground_below: m under it to which they reach.
+        largest_step: m that a foothold may lie above or below the root's ground.
+        largest_slope_deg: degrees that a sole tilts with the ground at most.
+        foothold_shift: m that a foothold may move along the foot to lie on even ground.
+        clearance: m that the swinging sole keeps over the ground it crosses.
+        replan_distance: m that a predicted footprint may move before it is looked at again.
+        flat_angle_deg: degrees of animated foot pitch, while planted, that count as flat.
+        reach: part of the leg's length that is used before hips drop or heels lift, in (0.5, 1].
+        max_heel_lift_deg: degrees that a heel lifts over the ball before a planted foot gives up.
+        hip_half_life: s, of the spring that moves the hips.
+        max_hip_drop: m that the hips drop at most.
+        hip_look_ahead: s before a plant in which the hips begin to drop for it.
+        hip_let_go: s before a release in which the hips cease to drop for it.
+        root_half_life: s, of the spring that carries the root over the ground.
+        groups: geom groups that rays see.
+        max_hip_foot: openkcc only: m, its max hip-foot distance.
+        foot_height: openkcc only: m of the foot joint over the ground.
+        hip_smooth_time: openkcc only: s.
+        overlap_time: openkcc only: s, its overlap blend time.
+        correct_overlap: openkcc only: cast the hips-to-foot rays.
+    """
+
+    behaviour: Literal["default", "openkcc"] = "default"
+    weight_on: float = 0.55
+    weight_off: float = 0.45
+    place_time: float = 0.16
+    release_time: float = 0.22
+    settle_time: float = 0.15
+    stride_time: float = 0.3
+    step_height: float = 0.06
+    stride_distance: float = 0.35
+    stride_angle_deg: float = 45.0
+    ground_above: float = 0.5
+    ground_below: float = 0.6
+    largest_step: float = 0.45
+    largest_slope_deg: float = 40.0
+    foothold_shift: float = 0.15
+    clearance: float = 0.02
+    replan_distance: float = 0.05
+    flat_angle_deg: float = 2.0
+    reach: float = 0.975
+    max_heel_lift_deg: float = 45.0
+    hip_half_life: float = 0.07
+    max_hip_drop: float = 0.45
+    hip_look_ahead: float = 0.4
+    hip_let_go: float = 0.3
+    root_half_life: float = 0.1
+    groups: tuple[int, ...] = (0,)
+    max_hip_foot: float = 0.85
+    foot_height: float = 0.05
+    hip_smooth_time: float = 0.35
+    overlap_time: float = 0.05
+    correct_overlap: bool = True
+
+    def __post_init__(self) -> None:
+        if self.behaviour not in ("default", "openkcc"):
+            raise unknown_name("behaviour", str(self.behaviour), ("default", "openkcc"))
+        for name, (low, high) in _RANGES.items():
+            value = getattr(self, name)
+            if not (isinstance(value, (int, float)) and low <= value <= high):
+                raise FootIKError(f"setting {name} must be in [{low:g}, {high:g}], not {value!r}.")
+        if self.behaviour == "default" and not self.weight_off < self.weight_on:
+            raise FootIKError(
+                f"weight_off ({self.weight_off:g}) must be less than weight_on "
+                f"({self.weight_on:g}), or a foot would be placed and released every frame."
+            )
+        for group in self.groups:
+            if group not in range(6):
+                raise FootIKError(f"setting groups must hold geom groups 0 to 5, not {group!r}.")
+
+    @classmethod
+    def openkcc(cls) -> FootIKSettings:
+        """OpenKCC's foot IK with its own defaults: what its recorded traces were made with."""
+        return cls(
+            behaviour="openkcc",
+            weight_on=0.5,
+            weight_off=0.5,
+            stride_time=0.25,
+            step_height=0.1,
+            stride_distance=0.75,
+            stride_angle_deg=45.0,
+            ground_below=1.5,
+            max_hip_drop=0.45,
+        )
+
+    @classmethod
+    def preset(cls, name: str) -> FootIKSettings:
+        """Settings by name: "default" or "openkcc". Raises FootIKError for any other."""
+        presets = {"default": cls, "openkcc": cls.openkcc}
+        if name not in presets:
+            raise unknown_name("preset", name, presets)
+        return presets[name]()
+
+    def changed(self, **values: Any) -> FootIKSettings:
+        """The same settings with these changed. Raises FootIKError for a name there is not."""
+        names = [f.name for f in fields(self)]
+        for name in values:
+            if name not in names:
+                raise unknown_name("setting", name, names)
+        return replace(self, **values)
+
+    def record(self, leg_length: float) -> np.void:
+        """The settings as one `SETTINGS` record for compiled code, for a leg of this length.
+
+        Lengths are scaled for the default behaviour; OpenKCC's stay as they are, as in OpenKCC.
+        """
+        out = np.zeros((), dtype=SETTINGS)
+        size = leg_length / STANDARD_LEG if self.behaviour == "default" else 1.0
+        for name in SETTINGS.names or ():
+            if name == "size":
+                out[name] = size
+            elif name + "_deg" in _RANGES:
+                out[name] = math.radians(getattr(self, name + "_deg"))
+            else:
+                out[name] = getattr(self, name) * (size if name in _LENGTHS else 1.0)
+        return out[()]
+
+
+_RANGES: dict[str, tuple[float, float]] = {
+    "weight_on": (0.01, 1.0),
+    "weight_off": (0.0, 0.99),
+    "place_time": (0.0, 2.0),
+    "release_time": (0.0, 2.0),
+    "settle_time": (0.0, 2.0),
+    "stride_time": (0.0, 5.0),
+    "step_height": (0.0, 1.0),
+    "stride_distance": (0.01, 10.0),
+    "stride_angle_deg": (1.0, 180.0),
+    "ground_above": (0.05, 10.0),
+    "ground_below": (0.05, 10.0),
+    "largest_step": (0.01, 5.0),
+    "largest_slope_deg": (0.0, 80.0),
+    "foothold_shift": (0.0, 1.0),
+    "clearance": (0.0, 0.5),
+    "replan_distance": (0.001, 1.0),
+    "flat_angle_deg": (0.0, 20.0),
+    "reach": (0.5, 1.0),
+    "max_heel_lift_deg": (0.0, 80.0),
+    "hip_half_life": (0.0, 5.0),
+    "max_hip_drop": (0.0, 5.0),
+    "hip_look_ahead": (0.0, 2.0),
+    "hip_let_go": (0.001, 2.0),
+    "root_half_life": (0.0, 5.0),
+    "max_hip_foot": (0.01, 10.0),
+    "foot_height": (0.0, 1.0),
+    "hip_smooth_time": (0.0, 10.0),
+    "overlap_time": (0.0, 5.0),
+}
+
+SETTINGS = np.dtype(
+    [(name.removesuffix("_deg"), "f8") for name in _RANGES]
+    + [("correct_overlap", "f8"), ("size", "f8")],
+    align=True,
+)
+"""`FootIKSettings` for compiled code: lengths scaled, angles in radians; size: leg / 0.85 m."""

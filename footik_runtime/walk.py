@@ -1,0 +1,172 @@
+"""Walk: a headless run of one character through a scene, recorded for the measures."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from footik_runtime.crowd import Crowd
+from footik_runtime.errors import FootIKError
+from footik_runtime.ground import SceneGround
+from footik_runtime.recorded import Run
+from footik_runtime.scene import Scene
+from footik_runtime.settings import FootIKSettings
+from footik_runtime.sole import BALL, all_sole_points
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Recording:
+    """What a run left behind, T frames of one character.
+
+    Attributes:
+        fps: frames a second.
+        times: (T,) s.
+        roots: (T, 3) joint 0 in the world, m.
+        rotations: (T, J, 4) local, wxyz.
+        bodies: (T,) of `locomotion.BODY`.
+        feet: (T, legs) of `foot_target.FOOT`.
+        phases: (T, legs) the motion's contact phases.
+        run: what the measures need.
+    """
+
+    fps: float
+    times: Array
+    roots: Array
+    rotations: Array
+    bodies: NDArray[Any]
+    feet: NDArray[Any]
+    phases: NDArray[np.int64]
+    run: Run
+
+
+def record_walk(
+    scene: Scene,
+    *,
+    seconds: float,
+    fps: float = 60.0,
+    settings: FootIKSettings | None = None,
+    ik: bool = True,
+    each_frame: Callable[[int, int], None] = lambda frame, frames: None,
+) -> Recording:
+    """Let the scene's character walk on for some seconds, from the terrain's start, facing +x.
+
+    Args:
+        scene: with the motion that is walked; it is left where the walk ends.
+        seconds: how long.
+        fps: frames a second.
+        settings: of the feet.
+        ik: False leaves the animation as it is, on the same path: the untouched input.
+        each_frame: told (frame, frames) after each frame.
+
+    Raises:
+        FootIKError: seconds or fps are not positive and finite, or a pose became not finite.
+    """
+    if not (np.isfinite(seconds) and seconds > 0.0):
+        raise FootIKError(f"seconds must be positive and finite, not {seconds}.")
+    if not (np.isfinite(fps) and 1.0 <= fps <= 10000.0):
+        raise FootIKError(f"fps must be in [1, 10000], not {fps}.")
+    settings = settings or FootIKSettings()
+    ground = scene.ground(settings.groups)
+    crowd = Crowd(scene.motion, ground, settings=settings)
+    crowd.bodies["enabled"] = int(ik)
+    crowd.place(np.asarray(scene.terrain.start_w)[None])
+    frames = max(round(seconds * fps), 2)
+    tape = _Tape(scene, frames, ik)
+    for frame in range(frames):
+        scene.pose_terrain(frame / fps)
+        crowd.step(1.0 / fps if frame else 0.0)
+        tape.take(frame, crowd, ground)
+        each_frame(frame, frames)
+    return tape.recording(fps)
+
+
+class _Tape:
+    """Collects frames; the sole points and the ground under them are found frame by frame,
+    because the ground may move.
+    """
+
+    def __init__(self, scene: Scene, frames: int, ik: bool) -> None:
+        self._ik = ik
+        rig = scene.motion.rig
+        joints, legs = len(rig.skeleton), len(rig.legs)
+        self._scene = scene
+        self._roots = np.zeros((frames, 3))
+        self._rotations = np.zeros((frames, joints, 4))
+        self._bodies: list[Any] = []
+        self._feet: list[Any] = []
+        self._phases = np.zeros((frames, legs), np.int64)
+        self._sole = np.zeros((frames, legs, 3, 3))
+        self._ground = np.zeros((frames, legs, 3))
+        self._joints = np.zeros((frames, joints, 3))
+        self._frame_at = np.zeros((frames, legs, 3))
+        self._frame_turn = np.tile([1.0, 0.0, 0.0, 0.0], (frames, legs, 1))
+        self._frame_id = np.zeros((frames, legs), np.int64)
+
+    def take(self, frame: int, crowd: Crowd, ground: SceneGround) -> None:
+        rig = self._scene.motion.rig
+        root, rotations = crowd.roots[0].copy(), crowd.rotations[0].copy()
+        if not np.isfinite(rotations).all() or not np.isfinite(root).all():
+            raise FootIKError(f"the pose is not finite in frame {frame}.")
+        self._roots[frame], self._rotations[frame] = root, rotations
+        self._bodies.append(crowd.bodies[0].copy())
+        self._feet.append(crowd.feet[0].copy())
+        self._phases[frame] = self._scene.motion.timing["phase"][crowd.bodies[0]["frame"]]
+        moves = None
+        if self._scene.motion.translations.shape[0]:
+            moves = crowd.block.moves[:1]
+        positions, turns = rig.skeleton.forward(rotations[None], root[None], moves)
+        self._joints[frame] = positions[0]
+        self._sole[frame] = all_sole_points(rig, positions, turns)[0]
+        # The body each foot is over: what lies under its ball.
+        points = self._sole[frame].reshape(-1, 3)
+        heights, geoms = ground.under(points)
+        self._ground[frame] = heights.reshape(self._ground[frame].shape)
+        body = np.where(geoms >= 0, self._scene.model.geom_bodyid[geoms], 0)
+        body = body.reshape(self._ground[frame].shape)[:, BALL]
+        for leg, foot in enumerate(crowd.feet[0]):
+            stands = int(foot["body"]) if foot["state"] else int(body[leg])
+            self._frame_id[frame, leg] = stands
+            self._frame_at[frame, leg] = self._scene.data.xpos[stands]
+            self._frame_turn[frame, leg] = self._scene.data.xquat[stands]
+
+    def recording(self, fps: float) -> Recording:
+        rig = self._scene.motion.rig
+        feet = np.array(self._feet)
+        legs = rig.legs
+        has_toes = all(leg.toe >= 0 for leg in legs)
+        names = ("hip", "knee", "ankle", "toe") if has_toes else ("hip", "knee", "ankle")
+        chains = np.array([[getattr(leg, name) for name in names] for leg in legs])
+        times = np.arange(len(self._roots)) / fps
+        run = Run(
+            fps=fps,
+            times=times,
+            hips=self._joints[:, rig.hips],
+            leg_rotations=self._rotations[:, chains],
+            ankle=self._joints[:, chains[:, 2]],
+            toe=self._joints[:, chains[:, 3]] if has_toes else self._sole[:, :, BALL],
+            sole=self._sole,
+            ground=self._ground,
+            phase=self._phases,
+            locked=feet["locked"].astype(bool) if self._ik else None,
+            pin=np.where(feet["locked"] == 1, feet["pin"], -1),
+            ground_positions=self._frame_at,
+            ground_rotations=self._frame_turn,
+            ground_ids=self._frame_id,
+            joints=self._joints,
+        )
+        return Recording(
+            fps=fps,
+            times=times,
+            roots=self._roots,
+            rotations=self._rotations,
+            bodies=np.array(self._bodies),
+            feet=feet,
+            phases=self._phases,
+            run=run,
+        )
