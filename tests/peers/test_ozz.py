@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from footik_runtime import ozz
-two_bone = None
+from footik_runtime.leg_ik import two_bone
 from footik_runtime.math3d import norm, quat_mul, sub
 
 _ROOT = Path(os.environ.get("FOOTIK_SHARED") or Path(__file__).parents[2] / ".." / "shared")
@@ -338,13 +338,13 @@ def test_our_two_bone_ends_where_ozz_ends(path):
             continue
         start, mid, end = (_joint(r[k]) for k in ("start_joint", "mid_joint", "end_joint"))
         axis = ozz.vector_from_joint(mid, _vec(r["mid_axis"]))
-        opening = (-axis[0], -axis[1], -axis[2])  # ozz's axis opens the knee, ours bends it
-        _, _, _, reached, after = two_bone(
-            start[3], mid[3], end[3], _vec(r["target"]), _vec(r["pole_vector"]), opening,
-            1.0, 1.0, 1.0,
-        )  # fmt: skip
+        bending = (-axis[0], -axis[1], -axis[2])  # ozz's axis opens the knee, ours bends it
         tally.compared += 1
         length = norm(sub(mid[3], start[3])) + norm(sub(end[3], mid[3]))
+        pole = _vec(r["pole_vector"])
+        _, _, after, reached = two_bone(
+            start[3], mid[3], end[3], _vec(r["target"]), bending, length, pole
+        )
         name = f"record {r['id']}"
         tally.check(f"{name}: the end", _off(after, r["end_after_exact"]) / length, TWO_BONE_END)
         tally.check(f"{name}: reached", 0.0 if reached else 1.0, 0)
