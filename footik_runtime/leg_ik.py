@@ -42,6 +42,7 @@ _POLE_SURE = 0.2  # sine between pole and leg: below it the plane of the bent le
 _REACHED = 1e-5  # part of the leg's length
 _LONGEST = 1.0 - 1e-7  # part of the leg's length: a knee is never quite straight
 _FARTHEST = 1e100  # m: squares of anything below are finite
+_MOST_STRETCH = 1e3
 
 
 @compiled
@@ -66,7 +67,7 @@ def soft_stretch(distance, usable, full, most=1.0):
     Bones stretch before the soft range begins, so that the length keeps to the rule of
     `soft_length` with the stretched `usable` and `full`; the length includes the stretch.
     """
-    most = max(most, 1.0)
+    most = clamp(most, 1.0, _MOST_STRETCH)
     length = soft_length(distance, most * usable, most * full)
     return length, clamp(length / max(usable, 1e-12), 1.0, most)
 
@@ -146,7 +147,7 @@ def two_bone(
 
     Returns:
         The world rotations to apply to the thigh and to the shin (each to the bone as it was),
-        where the ankle comes to, and whether that is the goal, within a 1e-5 of the leg's length.
+        where the ankle comes to, and whether that is the goal, within 1e-5 of the leg's length.
     """
     thigh, shin = sub(knee, hip), sub(ankle, knee)
     upper, lower = norm(thigh), norm(shin)
@@ -156,7 +157,7 @@ def two_bone(
     line = unit(sub(ankle, hip), unit(thigh, (0.0, 0.0, -1.0)))
     toward = unit(sub(goal, hip), line)
     full = _LONGEST * (upper + lower)
-    length, stretch = soft_stretch(distance, min(usable, full), full, most_stretch)
+    length, stretch = soft_stretch(distance, clamp(usable, 0.0, full), full, most_stretch)
     length = clamp(length / stretch, min(abs(upper - lower), full), full)
 
     bent = knee_direction(hip, knee, ankle, hinge)

@@ -1,9 +1,9 @@
 """ozz-animation's two-bone IK, aim IK and foot-IK frame, number for number, for comparison.
 
-This is a peer, not the library's solver: `leg_ik` is. It keeps ozz's own choices, which differ from
-ours: the chain is measured in the start joint's space (scale included), the soft reach starts with
-slope 4/3 and overshoots, the angle to the pole's plane is taken without projecting, `reached` trusts
-the given mid axis, and the foot looks at C + n from wherever the ankle came to rest.
+This is a peer, not the library's solver: `leg_ik` is. It keeps ozz's own choices, which differ
+from ours: the chain is measured in the start joint's space (scale included), the soft reach starts
+with slope 4/3 and overshoots, the angle to the pole's plane is taken without projecting, `reached`
+trusts the given mid axis, and the foot looks at C + n from wherever the ankle came to rest.
 The one departure: weights blend the short way, where ozz's aim may take the long way round.
 
 A joint is four columns (x, y, z, origin) of three numbers, any affine map. Corrections are

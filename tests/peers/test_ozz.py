@@ -124,7 +124,7 @@ def test_two_bone_vectors_of_ozz(path):
         start_turn, mid_turn, reached = _run_two_bone(r)
         name = f"record {r['id']}"
         for q in (start_turn, mid_turn):
-            tally.check(f"{name}: the unit norm", abs(np.linalg.norm(q) - 1.0), 1e-9)
+            tally.check(f"{name}: the unit norm", abs(float(np.linalg.norm(q)) - 1.0), 1e-9)
         if r["target_kind"] != "at_start":
             tally.check(f"{name}: reached", abs(reached - r["reached_exact"]), 0)
         if r["degenerate"]:
@@ -161,7 +161,7 @@ def test_aim_vectors_of_ozz(path):
     for r in _read(path):
         q, reached = _run_aim(r, float(r["weight"]))
         name = f"record {r['id']}"
-        tally.check(f"{name}: the unit norm", abs(np.linalg.norm(q) - 1.0), 1e-9)
+        tally.check(f"{name}: the unit norm", abs(float(np.linalg.norm(q)) - 1.0), 1e-9)
         if r["target_kind"] != "at_joint":
             tally.check(f"{name}: reached", abs(reached - r["reached_exact"]), 0)
         if r["degenerate"]:
