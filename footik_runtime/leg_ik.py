@@ -158,7 +158,8 @@ def two_bone(
     toward = unit(sub(goal, hip), line)
     full = _LONGEST * (upper + lower)
     length, stretch = soft_stretch(distance, clamp(usable, 0.0, full), full, most_stretch)
-    length = clamp(length / stretch, min(abs(upper - lower), full), full)
+    # Without a thigh or a shin there is one length only, over `full` by a hair.
+    length = max(min(length / stretch, full), abs(upper - lower))
 
     bent = knee_direction(hip, knee, ankle, hinge)
     side = knee_toward(pole, toward, rotate(quat_between(line, toward), bent))

@@ -57,6 +57,8 @@ def solved(hip, knee, ankle, goal, usable, pole=NONE, stretch=1.0, w=1.0, hinge=
 
 
 @settings(max_examples=300, deadline=None)
+@example(NONE, NONE, (0.0, 0.0, 1.0), NONE, NONE, 1.0)
+@example(NONE, (0.0, 0.0, 1.0), (0.0, 0.0, 1.0), AHEAD, NONE, 1.0)
 @given(point, point, point, point, st.one_of(st.just(NONE), direction), weight)
 def test_bones_keep_their_lengths_and_the_ankle_told_is_where_they_end(h, k, a, goal, pole, w):
     usable = 0.97 * (norm(sub(k, h)) + norm(sub(a, k)))
@@ -201,6 +203,13 @@ def test_a_pole_swept_close_past_the_leg_turns_the_knee_without_a_jump():
         assert _largest_turn_of_knee(sweep, goal) < 0.05
     through = [(math.sin(a), 0.0, -math.cos(a)) for a in angles.tolist() if a >= 0.0]
     assert _largest_turn_of_knee(through, goal) < 1e-6  # the pole on the leg is no pole at all
+
+
+def test_a_pole_that_trembles_about_the_leg_leaves_the_knee_where_it_is_bent():
+    goal = (0.0, 0.0, 0.2)
+    for tremble in ((1e-3, 0.0), (-1e-3, 0.0), (0.0, 1e-3), (0.0, -1e-3), (0.0, 0.0)):
+        knee, _, _ = solved(HIP, KNEE, ANKLE, goal, 0.97 * FULL, (*tremble, -1.0))
+        assert math.atan2(knee[1], knee[0]) == pytest.approx(0.0, abs=0.01)
 
 
 def test_the_knee_never_flips_while_a_foot_circles_through_a_stride():
