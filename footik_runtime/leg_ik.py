@@ -101,16 +101,19 @@ def knee_toward(pole, toward, carried):
 
 
 @compiled
-def _bone_frame(along, normal):
-    """The rotation with x along a bone and z as near to the normal of the leg's plane as can be."""
-    z = unit(reject(normal, along), perpendicular(along))
-    return quat_from_basis(along, cross(z, along), z)
-
-
-@compiled
 def _bone_turn(before, normal, after, new_normal):
-    """The turn that takes a unit bone, and the plane its leg is bent in, to new ones."""
-    return quat_mul(_bone_frame(after, new_normal), quat_conj(_bone_frame(before, normal)))
+    """The turn that takes a unit bone, and the plane its leg is bent in, to new ones.
+
+    `new_normal` is unit and across the new bone; `normal` need not quite be across the old.
+    """
+    n = unit(reject(normal, before), perpendicular(before))
+    side, new_side = cross(n, before), cross(new_normal, after)
+    # The columns of (new frame) * (old frame) transposed.
+    return quat_from_basis(
+        add_scaled(add_scaled(scale(after, before[0]), new_side, side[0]), new_normal, n[0]),
+        add_scaled(add_scaled(scale(after, before[1]), new_side, side[1]), new_normal, n[1]),
+        add_scaled(add_scaled(scale(after, before[2]), new_side, side[2]), new_normal, n[2]),
+    )
 
 
 @compiled
