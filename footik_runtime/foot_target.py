@@ -462,7 +462,8 @@ def hear_foothold(foot, told, hits, leg, settings, bodies_at, bodies_turn):
         foot["plan"] = NOWHERE
         return
     foot["plan"] = PLANNED
-    foot["arch"] = arch_over(hits[1:], foot["lift"][2], point[2], settings)
+    over = arch_over(hits[1:], foot["lift"][2], point[2], settings)
+    foot["arch"] = max(over, settings["swing_lift"])
     hit = hits[1 + under]
     foot["land_floor"], foot["land_body"] = hit["geom"], hit["body"]
     point, turn = to_body(hit["body"], point, turn, bodies_at, bodies_turn)

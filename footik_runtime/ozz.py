@@ -1,277 +1,403 @@
-"""ozz-animation's two-bone IK, aim IK and foot-IK frame, number for number, for comparison.
+"""ozz-animation's two-bone and aim kernels and its foot_ik sample's frame, exactly.
 
-This is a peer, not the library's solver: `leg_ik` is. It keeps ozz's own choices, which differ
-from ours: the chain is measured in the start joint's space (scale included), the soft reach starts
-with slope 4/3 and overshoots, the angle to the pole's plane is taken without projecting, `reached`
-trusts the given mid axis, and the foot looks at C + n from wherever the ankle came to rest.
-The one departure: weights blend the short way, where ozz's aim may take the long way round.
+This is a peer to compare with, faults included (its pelvis is unlimited, its foot aims at the
+target and not at the ankle, its softening overshoots). The library's own solver is `leg_ik`.
 
-A joint is four columns (x, y, z, origin) of three numbers, any affine map. Corrections are
-quaternions wxyz in the joint's own frame and post-multiply: local' = local * correction.
-Nothing here knows which way is up, but `pelvis_drop`, which is told.
+It stays in ozz's frame: y up, metres, radians, column vectors, (4, 4) matrices from joint to model
+space. Quaternions are wxyz as everywhere here. Corrections post-multiply: local' = local * q.
+
+Where ozz divides by zero (a zero bone, a pole along the target) this turns by nothing instead. A
+weighted aim always goes the short way round; ozz, asked to twist, sometimes goes the long way.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
-from footik_runtime.compiled import compiled
-from footik_runtime.math3d import (
-    add,
-    add_scaled,
-    clamp,
-    cross,
-    dot,
-    norm,
-    quat_axis_angle,
-    quat_between,
-    quat_mul,
-    quat_nlerp,
-    rotate,
-    scale,
-    sub,
-)
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-_SINGULAR = 1e-12  # determinant relative to the product of the columns' lengths
+from footik_runtime.errors import FootIKError
+from footik_runtime.quat_arrays import about, between, mul, rotate, unit
 
+Array = NDArray[np.float64]
+Cast = Callable[[Array], tuple[ArrayLike, ArrayLike] | None]
+"""From a ray's start, straight down: the nearest hit's point and unit normal, or None."""
 
-@compiled
-def joint_from(rotation, origin):
-    """The rigid joint with this rotation (wxyz) and origin."""
-    return (
-        rotate(rotation, (1.0, 0.0, 0.0)),
-        rotate(rotation, (0.0, 1.0, 0.0)),
-        rotate(rotation, (0.0, 0.0, 1.0)),
-        origin,
-    )
+IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
+UP = np.array([0.0, 1.0, 0.0])
+ROOT_RAY_HEIGHT = 10.0
+ANKLE_RAY_HEIGHT = 0.5
+KNEE_AXIS = np.array([0.0, 0.0, 1.0])
+FOOT_FORWARD = np.array([-1.0, 0.0, 0.0])
+FOOT_UP = np.array([0.0, 1.0, 0.0])
+_TINY = 1e-12
 
 
-@compiled
-def vector_from_joint(joint, v):
-    """A vector of the joint's space, in the space around it."""
-    return add_scaled(add_scaled(scale(joint[0], v[0]), joint[1], v[1]), joint[2], v[2])
+# -- the two kernels -----------------------------------------------------------------------------
 
 
-@compiled
-def point_from_joint(joint, p):
-    """A point of the joint's space, in the space around it."""
-    return add(joint[3], vector_from_joint(joint, p))
+def two_bone(
+    start: ArrayLike,
+    mid: ArrayLike,
+    end: ArrayLike,
+    target: ArrayLike,
+    mid_axis: ArrayLike,
+    pole: ArrayLike,
+    twist: float = 0.0,
+    soften: float = 1.0,
+    weight: float = 1.0,
+) -> tuple[Array, Array, bool]:
+    """Bring the end joint to the target by turning the start and the mid joint.
+
+    start, mid, end: (4, 4) joint matrices. target, pole: (3,), model space. mid_axis: (3,), unit,
+    mid joint's space; a positive turn about it opens the joint. twist: radians about the line to
+    the target. soften: share of the full length from which the approach slows. Raises FootIKError.
+
+    Returns the corrections (4,) of the start and of the mid joint, and ozz's `reached`.
+    """
+    start, mid, end = _matrix("start", start), _matrix("mid", mid), _matrix("end", end)
+    target, pole = _vector("target", target), _vector("pole", pole)
+    mid_axis = _axis("mid_axis", mid_axis)
+    _check_finite(twist=twist, soften=soften, weight=weight)
+    if weight <= 0.0 or _singular(start) or _singular(mid):
+        return IDENTITY.copy(), IDENTITY.copy(), False
+
+    to_start, to_mid = _inverse(start), _inverse(mid)
+    mid_to_start = to_start @ mid
+    knee = mid_to_start[:3, 3]
+    tip = _point(to_start, end[:3, 3])
+    upper, lower = _length(knee), _length(tip - knee)
+    goal, pole = _point(to_start, target), to_start[:3, :3] @ pole
+    distance = _length(goal)
+    soft_start = (upper + lower) * min(max(soften, 0.0), 1.0)
+    reached = abs(upper - lower) < distance <= soft_start and weight >= 1.0
+    softened = _softened(distance, soft_start, upper + lower)
+
+    initial = _interior_angle(upper, lower, _length(tip))
+    tip_in_mid = _point(to_mid, end[:3, 3])
+    if np.cross(-_point(to_mid, start[:3, 3]), mid_axis) @ tip_in_mid < 0.0:
+        initial = -initial
+    mid_turn = about(mid_axis, _interior_angle(upper, lower, softened) - initial)
+
+    bent_tip = _point(mid_to_start, rotate(mid_turn, tip_in_mid))
+    start_turn = between(bent_tip, goal)
+    if distance > 0.0:
+        towards = goal / distance
+        leg_normal = rotate(start_turn, mid_to_start[:3, :3] @ mid_axis)
+        plane = _turn_to(leg_normal, np.cross(goal, pole), towards, float(leg_normal @ pole))
+        start_turn = mul(about(towards, twist), mul(plane, start_turn))
+    return _weighted(start_turn, weight), _weighted(mid_turn, weight), reached
 
 
-@compiled
-def joint_mul(parent, child):
-    """The child joint, given in the parent's space, in the space around the parent."""
-    return (
-        vector_from_joint(parent, child[0]),
-        vector_from_joint(parent, child[1]),
-        vector_from_joint(parent, child[2]),
-        point_from_joint(parent, child[3]),
-    )
+def aim(
+    joint: ArrayLike,
+    target: ArrayLike,
+    forward: ArrayLike,
+    offset: ArrayLike,
+    up: ArrayLike,
+    pole: ArrayLike,
+    twist: float = 0.0,
+    weight: float = 1.0,
+) -> tuple[Array, bool]:
+    """Turn a joint so that a ray from `offset` along `forward` meets the target.
+
+    joint: (4, 4) matrix. target, pole: (3,), model space. forward (unit), offset, up: (3,), joint
+    space; up is turned towards the pole. twist: radians about the line to the target. Raises
+    FootIKError.
+
+    Returns the joint's correction (4,), and whether the target was far enough to be aimed at.
+    """
+    joint, target, pole = _matrix("joint", joint), _vector("target", target), _vector("pole", pole)
+    forward = _axis("forward", forward)
+    offset, up = _vector("offset", offset), _vector("up", up)
+    _check_finite(twist=twist, weight=weight)
+    to_joint = _inverse(joint)
+    goal, pole = _point(to_joint, target), to_joint[:3, :3] @ pole
+    distance = _length(goal)
+    along = float(forward @ offset)
+    aside2 = float(offset @ offset) - along * along
+    if aside2 > distance * distance:
+        return IDENTITY.copy(), False
+    if weight <= 0.0 or distance == 0.0:
+        return IDENTITY.copy(), True
+
+    ray_end = offset + forward * (math.sqrt(distance * distance - max(aside2, 0.0)) - along)
+    turn = between(ray_end, goal)
+    turned_up, reference = rotate(turn, up), np.cross(pole, goal)
+    towards = goal / distance
+    side = np.cross(turned_up, goal)
+    roll = _turn_to(side, reference, towards, float(reference @ turned_up))
+    return _weighted(mul(about(towards, twist), mul(roll, turn)), weight), True
 
 
-@compiled
-def inverse(joint):
-    """Whether the joint can be inverted, and its inverse (the identity where it cannot)."""
-    yz = cross(joint[1], joint[2])
-    det = dot(joint[0], yz)
-    if not abs(det) > _SINGULAR * norm(joint[0]) * norm(joint[1]) * norm(joint[2]):
-        return False, ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
-    a = scale(yz, 1.0 / det)
-    b = scale(cross(joint[2], joint[0]), 1.0 / det)
-    c = scale(cross(joint[0], joint[1]), 1.0 / det)
-    t = joint[3]
-    return True, (
-        (a[0], b[0], c[0]),
-        (a[1], b[1], c[1]),
-        (a[2], b[2], c[2]),
-        (-dot(a, t), -dot(b, t), -dot(c, t)),
-    )
-
-
-@compiled
-def soften_distance(distance, near, far):
-    """ozz's soft reach: `distance` up to `near`, then bent so that it tends to `far`."""
-    width = far - near
-    if distance <= near or width <= 0.0:
+def _softened(distance: float, soft_start: float, full: float) -> float:
+    """The distance the chain goes to, metres: the asked one up to soft_start, then ever less."""
+    room = full - soft_start
+    if distance <= soft_start or room <= 0.0:
         return distance
-    x3 = (distance - near) / width + 3.0
-    return near + width * (1.0 - 81.0 / (x3 * x3 * x3 * x3))
+    x = (distance - soft_start) / room
+    return soft_start + room * (1.0 - 81.0 / (x + 3.0) ** 4)
 
 
-@compiled
-def _weighted(correction, weight):
-    if weight <= 0.0:
-        return (1.0, 0.0, 0.0, 0.0)
-    return quat_nlerp((1.0, 0.0, 0.0, 0.0), correction, min(weight, 1.0))
+def _interior_angle(a: float, b: float, across: float) -> float:
+    """Angle between sides a and b of the triangle whose third side is `across`; pi is straight."""
+    if 2.0 * a * b < _TINY:
+        return math.pi
+    return _acos((a * a + b * b - across * across) / (2.0 * a * b))
 
 
-@compiled
-def _corner_angle(a, b, opposite):
-    """Angle between sides a and b of a triangle, by the third; 0 where a or b is zero."""
-    if not a * b > 0.0:
-        return 0.0
-    return math.acos(clamp((a * a + b * b - opposite * opposite) / (2.0 * a * b), -1.0, 1.0))
+def _turn_to(normal: Array, reference: Array, axis: Array, sense: float) -> Array:
+    """The turn about the axis by the angle between two normals, with the sign of `sense`.
 
-
-@compiled
-def _onto_plane(normal, reference, axis, forwards):
-    """Turn about +axis or -axis by the angle between two normals, as they are, unprojected."""
-    lengths = norm(normal) * norm(reference)
-    if not lengths > 0.0:
-        return (1.0, 0.0, 0.0, 0.0)
-    angle = math.acos(clamp(dot(normal, reference) / lengths, -1.0, 1.0))
-    return quat_axis_angle(axis, angle if forwards else -angle)
-
-
-@compiled
-def _start_turn(bent_end, target, hinge, pole, twist):
-    """The start joint's turn, in its space: shortest way to the target, then the pole's plane."""
-    turn = quat_between(bent_end, target)
-    length = norm(target)
-    if not length > 0.0:
-        return turn
-    along = scale(target, 1.0 / length)
-    normal = rotate(turn, hinge)
-    plane = _onto_plane(normal, cross(target, pole), along, dot(normal, pole) >= 0.0)
-    return quat_mul(quat_axis_angle(along, twist), quat_mul(plane, turn))
-
-
-@compiled
-def two_bone(start, mid, end, target, mid_axis, pole, twist, soften, weight):
-    """ozz's IKTwoBoneJob.
-
-    Args:
-        start, mid, end: joints, in one model space.
-        target: where the end should go, model space.
-        mid_axis: unit hinge axis in the mid joint's space; a positive turn opens the knee.
-        pole: direction the knee should point in, model space.
-        twist: extra turn about start-to-target, radians.
-        soften: share of the chain's length at which the soft reach starts, clamped to [0, 1].
-        weight: 0 none, 1 all of the correction.
-
-    Returns:
-        Corrections of the start and of the mid joint, and whether the target was reached. A joint
-        that cannot be inverted gives identities and False.
+    None where a normal is zero. ozz measures the angle as it is, not in the plane it turns in.
     """
-    identity = (1.0, 0.0, 0.0, 0.0)
-    start_ok, to_start = inverse(start)
-    mid_ok, to_mid = inverse(mid)
-    if not (start_ok and mid_ok):
-        return identity, identity, False
-    mid_s = point_from_joint(to_start, mid[3])
-    end_s = point_from_joint(to_start, end[3])
-    goal = point_from_joint(to_start, target)
-    a, b, length = norm(mid_s), norm(sub(end_s, mid_s)), norm(goal)
-    near = (a + b) * clamp(soften, 0.0, 1.0)
-    reached = length <= near and length > abs(a - b) and weight >= 1.0
-
-    soft = soften_distance(length, near, a + b)
-    if length > 0.0:
-        goal = scale(goal, soft / length)
-    upper = scale(point_from_joint(to_mid, start[3]), -1.0)
-    end_m = point_from_joint(to_mid, end[3])
-    before = _corner_angle(a, b, norm(end_s))
-    if dot(cross(upper, mid_axis), end_m) < 0.0:
-        before = -before
-    bend = quat_axis_angle(mid_axis, _corner_angle(a, b, soft) - before)
-
-    bent_end = point_from_joint(to_start, point_from_joint(mid, rotate(bend, end_m)))
-    hinge = vector_from_joint(to_start, vector_from_joint(mid, mid_axis))
-    pole_s = vector_from_joint(to_start, pole)
-    turn = _start_turn(bent_end, goal, hinge, pole_s, twist)
-    return _weighted(turn, weight), _weighted(bend, weight), reached
+    normal, reference = unit(normal), unit(reference)
+    if not normal.any() or not reference.any():
+        return IDENTITY
+    return about(axis if sense >= 0.0 else -axis, _acos(float(normal @ reference)))
 
 
-@compiled
-def aim(joint, target, forward, offset, up, pole, twist, weight):
-    """ozz's IKAimJob: turn a joint until the line `offset + s * forward` passes through the target.
+def _weighted(turn: Array, weight: float) -> Array:
+    """The turn with w >= 0, blended from the identity below weight 1, unit length."""
+    turn = -turn if turn[0] < 0.0 else turn
+    return unit(IDENTITY + (turn - IDENTITY) * weight if weight < 1.0 else turn)
 
-    Args:
-        joint: the joint to turn, model space.
-        target: where to look, model space.
-        forward, up: axes in the joint's space, unit; `up` is turned towards the pole's plane.
-        offset: where the line starts, joint space.
-        pole: model space.
-        twist: extra turn about the direction of the target, radians.
-        weight: 0 none, 1 all of the correction.
 
-    Returns:
-        The correction, and whether the target can be looked at (whatever the weight). A joint that
-        cannot be inverted, or is at its target, gives the identity.
+# -- the sample's frame --------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True)
+class LocalPose:
+    """A sampled pose of J joints, parents before children: each joint relative to its parent."""
+
+    parents: Sequence[int]
+    """(J,), -1 for a root."""
+    translations: Array
+    """(J, 3) metres."""
+    rotations: Array
+    """(J, 4) wxyz."""
+    scales: Array
+    """(J, 3)."""
+
+    def local_matrices(self, joints: ArrayLike, corrections: ArrayLike = IDENTITY) -> Array:
+        """(N, 4, 4) of N joints, their rotations post-multiplied by corrections (N, 4)."""
+        joints = np.asarray(joints)
+        turns = mul(self.rotations[joints], corrections)
+        axes = rotate(turns[:, None, :], np.eye(3)) * self.scales[joints][:, :, None]
+        matrices = np.zeros((len(joints), 4, 4))
+        matrices[:, :3, :3] = np.swapaxes(axes, 1, 2)
+        matrices[:, :3, 3] = self.translations[joints]
+        matrices[:, 3, 3] = 1.0
+        return matrices
+
+    def model_matrices(self) -> Array:
+        """(J, 4, 4), joint to model space."""
+        matrices = self.local_matrices(np.arange(len(self.parents)))
+        for joint, parent in enumerate(self.parents):
+            if parent >= 0:
+                matrices[joint] = matrices[parent] @ matrices[joint]
+        return matrices
+
+
+@dataclass(frozen=True, kw_only=True)
+class LegFrame:
+    """One leg after the frame; hit, target and ankle start are zero where its ray met nothing."""
+
+    hit: bool
+    ankle_initial_w: Array
+    """(3,), before the pelvis moved."""
+    hit_point_w: Array
+    hit_normal_w: Array
+    ankle_target_w: Array
+    rotations_l: Array
+    """(3, 4) wxyz: hip, knee, ankle, corrected."""
+    knee_m: Array
+    """(3,)."""
+    ankle_m: Array
+    """(4, 4)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CharacterFrame:
+    """What the sample makes of one frame of one character."""
+
+    root_w: Array
+    """(3,), on the ground."""
+    pelvis_offset_w: Array
+    """(3,), added to the root; it may raise."""
+    legs: tuple[LegFrame, ...]
+
+
+def foot_ik(
+    pose: LocalPose,
+    legs: Sequence[tuple[int, int, int]],
+    position: ArrayLike,
+    yaw: float,
+    cast: Cast,
+    *,
+    foot_height: float = 0.12,
+    weight: float = 1.0,
+    soften: float = 1.0,
+) -> CharacterFrame:
+    """One frame of ozz's foot_ik sample.
+
+    legs: (hip, knee, ankle) joints, left first. position: (3,) world, set onto the ground below.
+    yaw: radians about +y. foot_height: metres, ankle above the sole. Knee and foot axes are those
+    of the sample's skeleton: the knee bends about its z, the foot's -x looks along the ground's
+    normal. Raises FootIKError.
     """
-    identity = (1.0, 0.0, 0.0, 0.0)
-    ok, to_joint = inverse(joint)
-    goal = point_from_joint(to_joint, target) if ok else (0.0, 0.0, 0.0)
-    along = dot(forward, offset)
-    aside2 = dot(offset, offset) - along * along
-    length2 = dot(goal, goal)
-    if aside2 > length2:
-        return identity, False
-    if not length2 > 0.0:
-        return identity, True
-    look = add_scaled(offset, forward, math.sqrt(length2 - aside2) - along)
-    turn = quat_between(look, goal)
-    turned_up = rotate(turn, up)
-    reference = cross(vector_from_joint(to_joint, pole), goal)
-    axis = scale(goal, 1.0 / math.sqrt(length2))
-    plane = _onto_plane(cross(turned_up, goal), reference, axis, dot(reference, turned_up) >= 0.0)
-    turn = quat_mul(quat_axis_angle(axis, twist), quat_mul(plane, turn))
-    return _weighted(turn, weight), True
+    _check_finite(yaw=yaw, foot_height=foot_height)
+    root = _vector("position", position)
+    if (ground := _ground(cast, root + UP * ROOT_RAY_HEIGHT)) is not None:
+        root = ground[0]
+    matrices = pose.model_matrices()
+    to_world = _placed(root, yaw)
+    ankles = [_point(to_world, matrices[ankle][:3, 3]) for _, _, ankle in legs]
+    hits = [_ground(cast, ankle + UP * ANKLE_RAY_HEIGHT) for ankle in ankles]
+    targets = [hit and hit[0] + UP * (foot_height / hit[1][1]) for hit in hits]
+    pelvis = -UP * _pelvis_drop(ankles, targets)
+    to_model = _inverse(_placed(root + pelvis, yaw))
+    frames = []
+    for joints, ankle, hit, target in zip(legs, ankles, hits, targets, strict=True):
+        corrections = (IDENTITY, IDENTITY, IDENTITY)
+        if hit is not None and target is not None:
+            aimed = _point(to_model, target + hit[1])
+            wanted = _point(to_model, target)
+            corrections = _leg_turns(pose, matrices, joints, wanted, aimed, soften, weight)
+        _, knee, foot = _chain(pose, matrices, joints, corrections)
+        frames.append(
+            LegFrame(
+                hit=hit is not None,
+                ankle_initial_w=ankle,
+                hit_point_w=hit[0] if hit else np.zeros(3),
+                hit_normal_w=hit[1] if hit else np.zeros(3),
+                ankle_target_w=target if target is not None else np.zeros(3),
+                rotations_l=mul(pose.rotations[list(joints)], np.array(corrections)),
+                knee_m=knee[:3, 3],
+                ankle_m=foot,
+            )
+        )
+    return CharacterFrame(root_w=root, pelvis_offset_w=pelvis, legs=tuple(frames))
 
 
-@compiled
-def ankle_target(ray_start, hit, normal, foot_height):
-    """Where the sample puts an ankle: on the ray, `foot_height` m off the plane that was hit.
-
-    For a vertical ray that is hit + up * foot_height / (normal . up). A ray along the plane, which
-    no plane can answer, gives the hit itself.
-    """
-    back = sub(ray_start, hit)
-    rise = dot(back, normal)
-    if rise == 0.0:
-        return hit
-    return add_scaled(hit, back, foot_height / rise)
-
-
-@compiled
-def pelvis_drop(lowest, ankle, target, up):
-    """How far down the pelvis goes, m: the largest drop of any leg that was hit.
-
-    Fold it over these legs, from -inf; unclamped, it may be negative.
-    """
-    return max(lowest, dot(sub(ankle, target), up))
-
-
-@compiled
-def foot_ik_leg(hip, knee, ankle, target, normal, axes, soften, weight):
-    """The sample's leg: two-bone IK to the target, then the ankle aimed at target + normal.
-
-    Args:
-        hip, knee, ankle: joints in model space, as sampled.
-        target, normal: model space; the normal is unit.
-        axes: (knee hinge, knee pole, ankle forward, ankle up), in the knee's and the ankle's own
-            spaces. The sample's skeleton has (+z, +y, -x, +y).
-        soften: of the two-bone step.
-        weight: of both steps.
-
-    Returns:
-        Corrections of hip, knee and ankle, and whether the two-bone step reached the target.
-    """
-    hinge, knee_pole, forward, up = axes
-    no_offset = (0.0, 0.0, 0.0)
-    origin = (0.0, 0.0, 0.0)
-    pole = vector_from_joint(knee, knee_pole)
-    hip_turn, knee_turn, reached = two_bone(
-        hip, knee, ankle, target, hinge, pole, 0.0, soften, weight
+def _leg_turns(
+    pose: LocalPose,
+    matrices: Array,
+    joints: tuple[int, int, int],
+    target: Array,
+    aimed: Array,
+    soften: float,
+    weight: float,
+) -> tuple[Array, Array, Array]:
+    """Corrections of hip, knee and ankle: reach the target, then look at `aimed`; model space."""
+    hip, knee, ankle = joints
+    pole = matrices[knee][:3, 1]
+    hip_turn, knee_turn, _ = two_bone(
+        matrices[hip],
+        matrices[knee],
+        matrices[ankle],
+        target,
+        KNEE_AXIS,
+        pole,
+        soften=soften,
+        weight=weight,
     )
-    hip_ok, to_hip = inverse(hip)
-    knee_ok, to_knee = inverse(knee)
-    if not (hip_ok and knee_ok):
-        return hip_turn, knee_turn, (1.0, 0.0, 0.0, 0.0), False
-    new_hip = joint_mul(hip, joint_from(hip_turn, origin))
-    new_knee = joint_mul(joint_mul(new_hip, joint_mul(to_hip, knee)), joint_from(knee_turn, origin))
-    new_ankle = joint_mul(new_knee, joint_mul(to_knee, ankle))
-    ankle_pole = vector_from_joint(new_ankle, up)
-    look_at = add(target, normal)
-    ankle_turn, _ = aim(new_ankle, look_at, forward, no_offset, up, ankle_pole, 0.0, weight)
-    return hip_turn, knee_turn, ankle_turn, reached
+    foot = _chain(pose, matrices, joints, (hip_turn, knee_turn, IDENTITY))[2]
+    foot_turn, _ = aim(foot, aimed, FOOT_FORWARD, np.zeros(3), FOOT_UP, foot[:3, 1], weight=weight)
+    return hip_turn, knee_turn, foot_turn
+
+
+def _chain(
+    pose: LocalPose, matrices: Array, joints: Sequence[int], corrections: Sequence[Array]
+) -> list[Array]:
+    """Model matrices of the three joints of a leg with their corrections."""
+    parent = pose.parents[joints[0]]
+    at = matrices[parent] if parent >= 0 else np.eye(4)
+    chain = []
+    for local in pose.local_matrices(joints, np.array(corrections)):
+        at = at @ local
+        chain.append(at)
+    return chain
+
+
+def _pelvis_drop(ankles: Sequence[Array], targets: Sequence[Array | None]) -> float:
+    """Metres the lowest leg has to sink, negative where all must rise; 0 where none has ground."""
+    drops = [float(a[1] - t[1]) for a, t in zip(ankles, targets, strict=True) if t is not None]
+    return max(drops, default=0.0)
+
+
+def _ground(cast: Cast, origin: Array) -> tuple[Array, Array] | None:
+    """A cast's answer as arrays; a wall, on which no foot can stand, counts as no ground."""
+    found = cast(origin)
+    if found is None:
+        return None
+    point, normal = _vector("hit point", found[0]), _vector("hit normal", found[1])
+    return None if abs(normal[1]) < _TINY else (point, normal)
+
+
+def _placed(position: Array, yaw: float) -> Array:
+    """(4, 4), model to world: a turn about +y, then a move."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = rotate(about(UP, yaw), np.eye(3)).T
+    matrix[:3, 3] = position
+    return matrix
+
+
+# -- small parts ---------------------------------------------------------------------------------
+
+
+def _point(matrix: Array, point: Array) -> Array:
+    return matrix[:3, :3] @ point + matrix[:3, 3]
+
+
+def _length(v: Array) -> float:
+    return math.sqrt(float(v @ v))
+
+
+def _acos(cosine: float) -> float:
+    return math.acos(min(max(cosine, -1.0), 1.0))
+
+
+def _singular(matrix: Array) -> bool:
+    """True where the axes are (nearly) flat, whatever their scale."""
+    axes = matrix[:3, :3]
+    size = float(np.prod(np.linalg.norm(axes, axis=0)))
+    return abs(float(np.linalg.det(axes))) <= _TINY * size
+
+
+def _inverse(matrix: Array) -> Array:
+    """ozz takes zero for the inverse of a singular matrix: all is at the joint, nothing turns."""
+    return np.zeros((4, 4)) if _singular(matrix) else np.asarray(np.linalg.inv(matrix), np.float64)
+
+
+def _matrix(name: str, value: ArrayLike) -> Array:
+    return _array(name, value, (4, 4))
+
+
+def _vector(name: str, value: ArrayLike) -> Array:
+    return _array(name, value, (3,))
+
+
+def _axis(name: str, value: ArrayLike) -> Array:
+    axis = _vector(name, value)
+    if abs(_length(axis) - 1.0) > 1e-3:
+        raise FootIKError(f"ozz {name} has length {_length(axis):.6g}; it must be a unit vector.")
+    return axis
+
+
+def _array(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
+    array = np.asarray(value, dtype=np.float64)
+    if array.shape != shape:
+        raise FootIKError(f"ozz {name} has shape {array.shape}; it must be {shape}.")
+    if not np.isfinite(array).all():
+        raise FootIKError(f"ozz {name} holds NaN or infinity; all {array.size} must be finite.")
+    return array
+
+
+def _check_finite(**numbers: float) -> None:
+    for name, number in numbers.items():
+        if not math.isfinite(number):
+            raise FootIKError(f"ozz {name} is {number}; it must be a finite number.")

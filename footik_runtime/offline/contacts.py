@@ -23,6 +23,7 @@ _STILL = 0.25  # m/s, of a point that surely stands
 _ENTER_SPEED, _LEAVE_SPEED = 0.45, 0.70  # m/s
 _ENTER_HEIGHT, _LEAVE_HEIGHT = 0.035, 0.055  # m over the floor
 _SHORTEST_CONTACT, _SHORTEST_SWING = 0.10, 0.08  # s
+_LEVEL = math.radians(4.0)  # pitch of a sole up to which it lies flat
 _MOST_TILT = math.radians(4.0)
 _FLAT_RESIDUAL = 0.03  # m: a floor less even than this is no tilted plane
 
@@ -132,7 +133,9 @@ def detect_phases(clip: Clip, rig: Rig) -> NDArray[np.int8]:
     for i in range(len(rig.legs)):
         down = [_hysteresis(speed[:, i, p] / scale, height[:, i, p] / scale) for p in (HEEL, BALL)]
         contact = _without_short(down[HEEL] | down[BALL], clip.fps)
-        phases[:, i] = _phase_of(down[HEEL], down[BALL], contact)
+        span = np.linalg.norm(points[:, i, BALL] - points[:, i, HEEL], axis=-1)
+        pitch = np.arcsin(np.clip((height[:, i, BALL] - height[:, i, HEEL]) / span, -1.0, 1.0))
+        phases[:, i] = _phase_of(down[HEEL], down[BALL], pitch, contact)
     return phases
 
 
@@ -159,10 +162,17 @@ def _without_short(contact: NDArray[np.bool_], fps: float) -> NDArray[np.bool_]:
 
 
 def _phase_of(
-    heel: NDArray[np.bool_], ball: NDArray[np.bool_], contact: NDArray[np.bool_]
+    heel: NDArray[np.bool_], ball: NDArray[np.bool_], pitch: Array, contact: NDArray[np.bool_]
 ) -> NDArray[np.int8]:
-    phase = np.where(heel & ball, Phase.FLAT, np.where(heel, Phase.HEEL, Phase.BALL))
-    # A filled gap has neither point down: it keeps the phase before it.
+    """(T,) the phase of each frame in contact: flat where both ends are down and the sole level.
+
+    A heel leaves the ground long before it is too high or too fast to be called down: the pitch
+    of the sole (rad, nose up) tells.
+    """
+    on_heel = heel & (~ball | (pitch > _LEVEL))
+    on_ball = ball & (~heel | (pitch < -_LEVEL))
+    phase = np.where(on_heel, Phase.HEEL, np.where(on_ball, Phase.BALL, Phase.FLAT))
+    # A filled gap has neither end down: it keeps the phase before it.
     known = heel | ball | ~contact
     last = np.maximum.accumulate(np.where(known, np.arange(len(phase)), 0))
     return np.where(contact, phase[last], Phase.SWING).astype(np.int8)
