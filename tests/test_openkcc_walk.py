@@ -13,7 +13,7 @@ from footik_runtime.crowd import Crowd
 from footik_runtime.foot_target import FOOT
 from footik_runtime.ground import SceneGround
 from footik_runtime.motion import Motion
-from footik_runtime.openkcc_rooms import openkcc_record
+from footik_runtime.openkcc_rooms import cast_feet, openkcc_record
 from footik_runtime.rig_model import find_rig_in_model
 from footik_runtime.rooms import BLOCK
 from footik_runtime.scene import Scene
@@ -364,6 +364,18 @@ def test_any_ground_that_answers_rays_will_do():
     scene.step(40)
     np.testing.assert_allclose(crowd.rotations, scene.crowd.rotations, atol=1e-9)
     np.testing.assert_allclose(crowd.roots, scene.crowd.roots, atol=1e-9)
+
+
+def test_a_probe_that_is_not_cast_is_answered_by_a_miss():
+    scene = Slab()
+    scene.step(10)
+    assert scene.crowd.openkcc is not None
+    rows = scene.crowd.openkcc.rows
+    assert rows.hits["hit"].any()
+    rows.probes["active"] = 0
+    cast_feet(rows, scene.ground)
+    assert not rows.hits["hit"].any()
+    assert (rows.hits["geom"] == -1).all()
 
 
 def test_settings_are_openkccs_own_unscaled():
