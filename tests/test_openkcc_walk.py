@@ -12,6 +12,7 @@ from footik_runtime import gait
 from footik_runtime.crowd import Crowd
 from footik_runtime.foot_target import FOOT
 from footik_runtime.ground import SceneGround
+from footik_runtime.math3d import get4, quat_angle, quat_mul, quat_nlerp
 from footik_runtime.motion import Motion
 from footik_runtime.openkcc_rooms import cast_feet, openkcc_record
 from footik_runtime.rig_model import find_rig_in_model
@@ -97,7 +98,9 @@ def test_walk_is_finite_and_every_foot_is_grounded_and_released_in_turn(terrain)
 
 
 def test_feet_are_grounded_when_the_weight_curve_passes_one_half():
-    recording, motion = walked("flat"), walking()
+    motion = walking()
+    # A rate that is not the clip's, so that frames fall between its frames.
+    recording = record_walk(Scene.build(motion, "flat"), seconds=2.5, fps=144, settings=OPENKCC)
     bodies = recording.bodies
     row, part = bodies["frame"], bodies["part"][:, None]
     table = motion.timing["weight"]
@@ -206,6 +209,22 @@ def test_a_foot_is_locked_only_when_grounded_at_rest_and_reached():
     assert shown["reached"].all()
     assert (shown["pin"] == 1).all()
     np.testing.assert_allclose(shown["out"], shown["goal"], atol=1e-5)
+
+
+def test_goal_blends_from_the_animated_foot_to_the_target_by_the_weight():
+    scene = Slab()
+    scene.step(8)
+    crowd, legs = scene.crowd, scene.crowd.tables.legs
+    assert crowd.openkcc is not None
+    for j, leg in enumerate(rig().legs):
+        weight = scene.own["weight"][j]
+        assert 0.05 < weight < 0.5
+        sole = quat_mul(get4(crowd.block.turn[0, leg.ankle]), get4(legs[j]["frame"]))
+        turn = quat_nlerp(sole, get4(scene.own["target_rotation"][j]), weight)
+        assert quat_angle(turn, get4(crowd.feet[0, j]["goal_turn"])) < 1e-9
+        target = scene.own["target_position"][j] + [0.0, 0.0, OPENKCC.foot_height]
+        goal = (1.0 - weight) * crowd.openkcc.rows.legs[0, j]["foot"] + weight * target
+        np.testing.assert_allclose(crowd.feet[0, j]["goal"], goal, atol=1e-12)
 
 
 def test_turned_about_the_feet_bump_one_at_a_time_and_say_so():
