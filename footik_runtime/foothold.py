@@ -18,13 +18,14 @@ from footik_runtime.probes import set_probe
 PATH = 7
 """Rays between lift and landing."""
 
-WINDOW = 14
+WINDOW = 20
 """Rays along the foot around the landing."""
 
-_BACK, _SPACING = 0.25, 0.05  # m behind the ankle where the row begins, and between its rays
-_SOLE_SAMPLES = 5
+_BACK, _SPACING = 0.25, 0.035  # m behind the ankle where the row begins, and between its rays
+_SOLE_SAMPLES = 7
 _EVEN = 0.008  # m of unevenness under a sole that is not worth a shift
 _SHIFT_COST = 0.08  # m of unevenness that a shift of a metre is worth
+_EDGE = 0.03  # m between two rays of the row that make an edge
 _PIT = -0.5  # m, how a missing ray counts
 _DOWN = (0.0, 0.0, -1.0)
 
@@ -77,7 +78,10 @@ def _height_at(hits, along, size, ref_z):
     a, b = hits[PATH + k], hits[PATH + k + 1]
     low = a["point"][2] - ref_z if a["hit"] else _PIT * size
     high = b["point"][2] - ref_z if b["hit"] else _PIT * size
-    return low + (high - low) * (x - k)
+    part = x - k
+    if abs(high - low) > _EDGE * size:
+        part = 1.0 if part > 0.5 else 0.0  # an edge is not a slope
+    return low + (high - low) * part
 
 
 @compiled
@@ -86,11 +90,14 @@ def _lie(hits, shift, sole, size, ref_z, most_slope):
 
     The plane is the least-squares line under heel to tip, raised so that nothing sticks through.
     """
-    step = (sole["tip"] + sole["heel"]) / (_SOLE_SAMPLES - 1)
-    middle = 0.5 * (sole["tip"] - sole["heel"])
+    # An edge lies somewhere between two rays: keep half their distance clear at either end.
+    margin = 0.5 * _SPACING * size
+    heel, tip = sole["heel"] + margin, sole["tip"] + margin
+    step = (tip + heel) / (_SOLE_SAMPLES - 1)
+    middle = 0.5 * (tip - heel)
     mean, moment, spread = 0.0, 0.0, 0.0
     for k in range(_SOLE_SAMPLES):
-        along = k * step - sole["heel"]
+        along = k * step - heel
         h = _height_at(hits, shift + along, size, ref_z)
         mean += h / _SOLE_SAMPLES
         moment += h * (along - middle)
@@ -98,7 +105,7 @@ def _lie(hits, shift, sole, size, ref_z, most_slope):
     slope = clamp(moment / max(spread, 1e-9), -most_slope, most_slope)
     most, least = -1e9, 1e9
     for k in range(_SOLE_SAMPLES):
-        along = k * step - sole["heel"]
+        along = k * step - heel
         over = _height_at(hits, shift + along, size, ref_z) - mean - slope * (along - middle)
         most, least = max(most, over), min(least, over)
     return mean - slope * middle + most, slope, most - least

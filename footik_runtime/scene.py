@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 import mujoco
 
 from footik_runtime.character import Character, build_character
+from footik_runtime.errors import FootIKError
 from footik_runtime.ground import SceneGround
 from footik_runtime.motion import Motion
 from footik_runtime.terrain import Terrain, make_terrain
@@ -31,16 +34,37 @@ class Scene:
     character: Character
 
     @classmethod
-    def build(cls, motion: Motion, terrain: Terrain | str = "flat", *, seed: int = 0) -> Scene:
+    def build(
+        cls,
+        motion: Motion,
+        terrain: Terrain | str = "flat",
+        *,
+        seed: int = 0,
+        body: str | Path | None = None,
+        loose: Callable[[mujoco.MjSpec], None] = lambda spec: None,
+    ) -> Scene:
         """Compile a terrain, or one by name, with a character of the motion's skeleton on it.
 
-        Raises FootIKError for the name of a terrain there is not.
+        Args:
+            motion: what the character does.
+            terrain: one, or the name of one in `TERRAINS`.
+            seed: of a terrain by name.
+            body: an MJCF file of a character whose bodies have the names of the skeleton's joints,
+                such as the built-in one's; otherwise one of capsules is made.
+            loose: adds whatever else shall be in the scene, before it is compiled.
+
+        Raises:
+            FootIKError: no terrain of that name, or a body that does not fit the skeleton.
         """
         if isinstance(terrain, str):
             terrain = make_terrain(terrain, seed=seed)
         spec = mujoco.MjSpec()
         terrain.add_to(spec)
-        build_character(spec, motion.rig)
+        if body is None:
+            build_character(spec, motion.rig)
+        else:
+            _attach(spec, Path(body))
+        loose(spec)
         model = spec.compile()
         data = mujoco.MjData(model)
         terrain.move(model, data, 0.0)
@@ -62,3 +86,11 @@ class Scene:
     def ground(self, groups: tuple[int, ...] = (0,)) -> SceneGround:
         """What rays see of this scene."""
         return SceneGround(self.model, self.data, groups=groups)
+
+
+def _attach(spec: mujoco.MjSpec, body: Path) -> None:
+    try:
+        child = mujoco.MjSpec.from_file(str(body))
+        spec.attach(child, prefix="character/", frame=spec.worldbody.add_frame())
+    except ValueError as error:
+        raise FootIKError(f"{body}: MuJoCo cannot read this model: {error}.") from None

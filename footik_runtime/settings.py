@@ -21,6 +21,7 @@ _LENGTHS = (
     "largest_step",
     "foothold_shift",
     "clearance",
+    "swing_lift",
     "replan_distance",
     "max_hip_drop",
     "max_hip_foot",
@@ -51,6 +52,7 @@ class FootIKSettings:
         largest_slope_deg: degrees that a sole tilts with the ground at most.
         foothold_shift: m that a foothold may move along the foot to lie on even ground.
         clearance: m that the swinging sole keeps over the ground it crosses.
+        swing_lift: m by which the middle of every swing is raised.
         replan_distance: m that a predicted footprint may move before it is looked at again.
         flat_angle_deg: degrees of animated foot pitch, while planted, that count as flat.
         reach: part of the leg's length that is used before hips drop or heels lift, in (0.5, 1].
@@ -84,14 +86,15 @@ class FootIKSettings:
     largest_slope_deg: float = 40.0
     foothold_shift: float = 0.15
     clearance: float = 0.02
+    swing_lift: float = 0.015
     replan_distance: float = 0.05
     flat_angle_deg: float = 2.0
     reach: float = 0.975
     max_heel_lift_deg: float = 45.0
-    hip_half_life: float = 0.07
+    hip_half_life: float = 0.12
     max_hip_drop: float = 0.45
-    hip_look_ahead: float = 0.4
-    hip_let_go: float = 0.3
+    hip_look_ahead: float = 0.5
+    hip_let_go: float = 0.23
     root_half_life: float = 0.1
     groups: tuple[int, ...] = (0,)
     max_hip_foot: float = 0.85
@@ -180,6 +183,7 @@ _RANGES: dict[str, tuple[float, float]] = {
     "largest_slope_deg": (0.0, 80.0),
     "foothold_shift": (0.0, 1.0),
     "clearance": (0.0, 0.5),
+    "swing_lift": (0.0, 0.5),
     "replan_distance": (0.001, 1.0),
     "flat_angle_deg": (0.0, 20.0),
     "reach": (0.5, 1.0),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from footik_runtime.crowd import Crowd
 from footik_runtime.errors import FootIKError
 from footik_runtime.ground import SceneGround
+from footik_runtime.motion import Motion
 from footik_runtime.recorded import Run
 from footik_runtime.scene import Scene
 from footik_runtime.settings import FootIKSettings
@@ -52,6 +54,7 @@ def record_walk(
     fps: float = 60.0,
     settings: FootIKSettings | None = None,
     ik: bool = True,
+    speed: float | None = None,
     each_frame: Callable[[int, int], None] = lambda frame, frames: None,
 ) -> Recording:
     """Let the scene's character walk on for some seconds, from the terrain's start, facing +x.
@@ -62,6 +65,7 @@ def record_walk(
         fps: frames a second.
         settings: of the feet.
         ik: False leaves the animation as it is, on the same path: the untouched input.
+        speed: m/s along the motion's own direction; the motion's own by default.
         each_frame: told (frame, frames) after each frame.
 
     Raises:
@@ -76,6 +80,8 @@ def record_walk(
     crowd = Crowd(scene.motion, ground, settings=settings)
     crowd.bodies["enabled"] = int(ik)
     crowd.place(np.asarray(scene.terrain.start_w)[None])
+    if speed is not None:
+        crowd.command(_at_speed(scene.motion, speed))
     frames = max(round(seconds * fps), 2)
     tape = _Tape(scene, frames, ik)
     for frame in range(frames):
@@ -84,6 +90,21 @@ def record_walk(
         tape.take(frame, crowd, ground)
         each_frame(frame, frames)
     return tape.recording(fps)
+
+
+def _at_speed(motion: Motion, speed: float) -> Array:
+    """The motion's velocity (2,) scaled to a speed."""
+    if not (np.isfinite(speed) and 0.0 <= speed <= 20.0):
+        raise FootIKError(f"speed must be in [0, 20] m/s, not {speed}.")
+    if motion.speed < 0.05 and speed > 0.0:
+        raise FootIKError(f"{motion.clip.name} stays in place: it cannot go at {speed:g} m/s.")
+    return motion.velocity * (speed / max(motion.speed, 1e-9))
+
+
+def _phases_at(motion: Motion, rate: float, times: Array) -> NDArray[np.int64]:
+    """(N, legs) the motion's phases at times (N,) of a run that plays it at a constant rate."""
+    frames = np.mod(times * rate, motion.clip.duration) * motion.clip.fps
+    return motion.timing["phase"][np.floor(frames + 1e-6).astype(int)].astype(np.int64)
 
 
 class _Tape:
@@ -153,6 +174,7 @@ class _Tape:
             sole=self._sole,
             ground=self._ground,
             phase=self._phases,
+            phase_at=partial(_phases_at, self._scene.motion, float(self._bodies[0]["rate"])),
             locked=feet["locked"].astype(bool) if self._ik else None,
             pin=np.where(feet["locked"] == 1, feet["pin"], -1),
             ground_positions=self._frame_at,

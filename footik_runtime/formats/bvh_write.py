@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from footik_runtime.clip import Clip
 from footik_runtime.errors import FootIKError
+from footik_runtime.files import write_whole
 from footik_runtime.formats.bvh_guess import CMU_UNIT, UNITS, guess
 from footik_runtime.formats.bvh_layout import (
     AXES,
@@ -48,7 +49,7 @@ def write_bvh(clip: Clip, path: str | os.PathLike[str]) -> None:
     source = _Source.of(clip, layout)
     channels = _fitting_channels(clip, layout, source)
     text = [*_hierarchy(clip, layout, channels), *_motion(clip, layout, channels, source), ""]
-    _write_whole(Path(path), "\n".join(text).encode())
+    write_whole(Path(path), "\n".join(text).encode())
 
 
 def _same_joints(layout: BvhLayout, skeleton: Skeleton) -> bool:
@@ -330,16 +331,3 @@ def _found_again(clip: Clip) -> tuple[str, float]:
         return up == pair[0], unit == pair[1]
 
     return max(tried, key=found)
-
-
-def _write_whole(path: Path, data: bytes) -> None:
-    """Write beside, then rename: a reader sees the old file or the new one, never a part."""
-    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        beside.write_bytes(data)
-        os.replace(beside, path)
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise FootIKError(f"{path}: the file cannot be written: {reason}.") from None
-    finally:
-        beside.unlink(missing_ok=True)

@@ -1,0 +1,54 @@
+"""The built-in character: our own humanoid, and its gaits, ready to walk."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+
+import mujoco
+
+from footik_runtime import gait
+from footik_runtime.character import model_path
+from footik_runtime.clip import Clip
+from footik_runtime.errors import FootIKError, unknown_name
+from footik_runtime.motion import Motion
+from footik_runtime.rig import Rig
+from footik_runtime.rig_model import find_rig_in_model
+
+HUMANOID = model_path("humanoid")
+"""The MJCF file of the built-in character."""
+
+
+@cache
+def humanoid_rig() -> Rig:
+    """The rig of `models/humanoid.xml`."""
+    return find_rig_in_model(mujoco.MjModel.from_xml_path(str(HUMANOID)))
+
+
+def _idle(rig: Rig, speed: float | None) -> Clip:
+    if speed:
+        raise FootIKError(f"idle goes nowhere: its speed is 0, not {speed} m/s.")
+    return gait.idle(rig)
+
+
+def _turn(rig: Rig, speed: float | None) -> Clip:
+    if speed:
+        raise FootIKError(f"turn goes nowhere: its speed is 0, not {speed} m/s.")
+    return gait.turn_in_place(rig)
+
+
+GAITS: dict[str, Callable[[Rig, float | None], Clip]] = {
+    "walk": lambda rig, speed: gait.walk(rig, speed=1.3 if speed is None else speed),
+    "run": lambda rig, speed: gait.run(rig, speed=3.0 if speed is None else speed),
+    "idle": _idle,
+    "turn": _turn,
+}
+"""Name -> the clip of a rig at a speed, m/s; None for its usual one."""
+
+
+def builtin_motion(name: str = "walk", *, speed: float | None = None) -> Motion:
+    """A gait of the built-in humanoid by name. Raises FootIKError for a name there is not."""
+    if name not in GAITS:
+        raise unknown_name("gait", name, GAITS)
+    rig = humanoid_rig()
+    return Motion.prepare(GAITS[name](rig, speed), rig)

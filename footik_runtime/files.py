@@ -1,0 +1,36 @@
+"""Files that appear whole or not at all."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from footik_runtime.errors import FootIKError
+
+
+def write_whole(path: str | os.PathLike[str], data: bytes) -> None:
+    """Write beside, then rename: a reader sees the old file or the new one, never a part.
+
+    Raises FootIKError where the file cannot be written.
+    """
+    target = Path(path)
+    beside = target.with_name(f".{target.name}.{os.getpid()}.part")
+    try:
+        beside.write_bytes(data)
+        os.replace(beside, target)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise FootIKError(f"{target}: the file cannot be written: {reason}.") from None
+    finally:
+        beside.unlink(missing_ok=True)
+
+
+def require_writable(path: str | os.PathLike[str]) -> None:
+    """Find out before long work whether a file can be written where it shall go."""
+    folder = Path(path).absolute().parent
+    if not folder.is_dir():
+        raise FootIKError(f"{path}: there is no folder {folder} to write it in.")
+    if Path(path).is_dir():
+        raise FootIKError(f"{path}: is a folder, not a file that can be written.")
+    if not os.access(folder, os.W_OK):
+        raise FootIKError(f"{path}: the folder {folder} cannot be written in.")

@@ -1,0 +1,234 @@
+"""HumanoidFootIK: one character in a MuJoCo scene, stepped, driven and looked at."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from footik_runtime.crowd import Crowd
+from footik_runtime.errors import FootIKError, unknown_name
+from footik_runtime.foot_target import GROUNDED, to_world
+from footik_runtime.scene import Scene
+from footik_runtime.settings import FootIKSettings
+from footik_runtime.sole import POINTS
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class FootTarget:
+    """One foot of one character: a live view of its record, for people to read.
+
+    Attributes:
+        name: of the leg.
+    """
+
+    name: str
+    _record: NDArray[Any]
+    _scene: Scene
+
+    @property
+    def state(self) -> str:
+        """What it does: "released", "grounded", or "bump stride"."""
+        if self._record["state"] != GROUNDED:
+            return "released"
+        return "bump stride" if self._record["bump"] else "grounded"
+
+    @property
+    def weight(self) -> float:
+        """0 where the foot follows the animation, 1 where it is on its print."""
+        return float(self._record["weight"])
+
+    @property
+    def locked(self) -> bool:
+        """Whether a point of the sole is held still on the ground, and the leg reaches it."""
+        return bool(self._record["locked"])
+
+    @property
+    def pinned(self) -> str | None:
+        """The sole point that is held: "heel" or "ball"; None while the foot is on its way."""
+        pin = int(self._record["pin"])
+        return POINTS[pin] if pin >= 0 else None
+
+    @property
+    def reached(self) -> bool:
+        """Whether the leg came to the goal, within 0.01 mm."""
+        return bool(self._record["reached"])
+
+    @property
+    def goal_w(self) -> Array:
+        """(3,) the ankle's goal, world, m."""
+        return self._record["goal"].copy()
+
+    @property
+    def goal_rotation_w(self) -> Array:
+        """(4,) the sole's goal (x forward, z up), world, wxyz."""
+        return self._record["goal_turn"].copy()
+
+    @property
+    def ankle_w(self) -> Array:
+        """(3,) where the ankle is, world, m."""
+        return self._record["out"].copy()
+
+    @property
+    def print_w(self) -> Array | None:
+        """(3,) the print on the ground, under the ankle of a flat foot, world, m; or None."""
+        if self._record["state"] != GROUNDED:
+            return None
+        data = self._scene.data
+        point, _ = to_world(
+            int(self._record["body"]),
+            tuple(self._record["hold"]),
+            tuple(self._record["hold_turn"]),
+            data.xpos,
+            data.xquat,
+        )
+        return np.array(point)
+
+    @property
+    def ground(self) -> str | None:
+        """The name of the geom it stands on ("geom 7" where it has none); None in the air."""
+        geom = int(self._record["floor"])
+        if self._record["state"] != GROUNDED or geom < 0:
+            return None
+        return self._scene.model.geom(geom).name or f"geom {geom}"
+
+    def __str__(self) -> str:
+        where = f" on {self.ground}" if self.ground else ""
+        held = f", {self.pinned} held" if self.locked else ""
+        return f"{self.name}: {self.state}{where}, weight {self.weight:.2f}{held}"
+
+
+class HumanoidFootIK:
+    """Walks a scene's character over its ground and writes its pose to MuJoCo, frame by frame.
+
+    Attributes:
+        scene: the model and data that are driven.
+        settings: as given; make a new controller to change them.
+        feet: one `FootTarget` a leg, live.
+        crowd: the crowd of one that does the work.
+    """
+
+    def __init__(self, scene: Scene, *, settings: FootIKSettings | None = None) -> None:
+        self.scene = scene
+        self.settings = settings or FootIKSettings()
+        self.crowd = Crowd(scene.motion, scene.ground(self.settings.groups), settings=self.settings)
+        legs = scene.motion.rig.legs
+        self.feet = tuple(
+            FootTarget(leg.name, self.crowd.feet[0, i : i + 1].reshape(()), scene)
+            for i, leg in enumerate(legs)
+        )
+        self._time = 0.0
+        self._qpos = scene.data.qpos.copy()
+        self.place(np.asarray(scene.terrain.start_w))
+
+    @property
+    def enabled(self) -> bool:
+        """Whether feet are placed; switching off leaves the animation as it is."""
+        return bool(self.crowd.bodies["enabled"][0])
+
+    @enabled.setter
+    def enabled(self, on: bool) -> None:
+        if bool(on) != self.enabled:
+            self.crowd.bodies["enabled"] = int(on)
+            self.crowd.reset()
+
+    @property
+    def time(self) -> float:
+        """Seconds stepped so far."""
+        return self._time
+
+    @property
+    def root_w(self) -> Array:
+        """(3,) where the root is, on the ground, world, m."""
+        return self.crowd.bodies["root"][0].copy()
+
+    @property
+    def yaw(self) -> float:
+        """Where the root faces, rad from +x."""
+        return float(self.crowd.bodies["yaw"][0])
+
+    @property
+    def hip_drop(self) -> float:
+        """How far the hips are lowered, m."""
+        return float(self.crowd.bodies["hip_drop"][0])
+
+    def foot(self, name: str) -> FootTarget:
+        """The foot of a leg by name. Raises FootIKError, with the names there are."""
+        for foot in self.feet:
+            if foot.name == name:
+                return foot
+        raise unknown_name("foot", name, [foot.name for foot in self.feet])
+
+    def place(self, at_w: Array, yaw: float = 0.0) -> None:
+        """Put the character somewhere, (3,) m, facing yaw, rad; its feet are placed anew."""
+        at = np.asarray(at_w, dtype=np.float64)
+        if at.shape != (3,) or not np.isfinite(at).all() or not math.isfinite(yaw):
+            raise FootIKError(f"a place must be three finite numbers and a yaw, not {at_w}, {yaw}.")
+        self.crowd.place(at[None], yaw)
+        self._write(0.0)
+
+    def command(self, velocity: tuple[float, float], turn_rate: float = 0.0) -> None:
+        """Where to go from now on: (forward, left) m/s in the root's frame, and rad/s."""
+        if not np.isfinite([*velocity, turn_rate]).all():
+            raise FootIKError(f"a command must be finite, not {velocity}, {turn_rate}.")
+        self.crowd.command(np.asarray(velocity, dtype=np.float64), turn_rate)
+
+    def follow(self, path_w: Array, *, speed: float | None = None, ahead: float = 0.5) -> bool:
+        """Command what leads along a path (N, 2) of points on the ground, m, for the next step.
+
+        Aims at the point of the path `ahead` metres on from the nearest one. Returns False, and
+        commands a stop, once the end is nearer than half of that.
+        """
+        velocity, turn_rate = steer_along(
+            path_w, self.root_w, self.yaw, speed or self.scene.motion.speed, ahead
+        )
+        self.command(velocity, turn_rate)
+        return velocity != (0.0, 0.0)
+
+    def step(self, dt: float) -> None:
+        """Advance by dt seconds, 0 or more: terrain, character, then qpos and a qvel to match.
+
+        Kinematics are brought up to date; call `mujoco.mj_step` as well for loose objects.
+        """
+        self._time += dt
+        self.scene.pose_terrain(self._time)
+        self.crowd.step(dt)
+        self._write(dt)
+
+    def _write(self, dt: float) -> None:
+        model, data, character = self.scene.model, self.scene.data, self.scene.character
+        self._qpos[:] = data.qpos
+        character.write_pose(data, self.crowd.roots[0], self.crowd.rotations[0])
+        character.write_pose_velocity(model, data, self._qpos, dt)
+        mujoco.mj_kinematics(model, data)
+
+
+def steer_along(
+    path_w: Array, root_w: Array, yaw: float, speed: float, ahead: float
+) -> tuple[tuple[float, float], float]:
+    """Velocity in the root's frame, m/s, and turn rate, rad/s, that lead along a path (N, 2)."""
+    path = np.asarray(path_w, dtype=np.float64)
+    if path.ndim != 2 or path.shape[1] != 2 or len(path) < 2 or not np.isfinite(path).all():
+        raise FootIKError(f"a path must be (N, 2) finite points, N at least 2, not {path.shape}.")
+    here = np.asarray(root_w)[:2]
+    steps = np.diff(path, axis=0)
+    lengths = np.maximum(np.hypot(*steps.T), 1e-9)
+    along = np.clip(np.sum((here - path[:-1]) * steps, axis=1) / lengths**2, 0.0, 1.0)
+    nearest = path[:-1] + along[:, None] * steps
+    segment = int(np.argmin(np.hypot(*(nearest - here).T)))
+    begins = np.concatenate([[0.0], np.cumsum(lengths)])
+    at = begins[segment] + along[segment] * lengths[segment]
+    if begins[-1] - at < 0.5 * ahead:
+        return (0.0, 0.0), 0.0
+    target = [np.interp(at + ahead, begins, path[:, k]) for k in range(2)]
+    wanted = math.atan2(target[1] - here[1], target[0] - here[0])
+    off = math.atan2(math.sin(wanted - yaw), math.cos(wanted - yaw))
+    # Turn in place first where the way leads back.
+    forward = speed * max(math.cos(off), 0.0)
+    return (forward, 0.0), max(min(3.0 * off, 2.5), -2.5)
