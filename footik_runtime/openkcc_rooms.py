@@ -198,10 +198,10 @@ def tell_rows(bodies, tables, hips, roots, locals_, block, rows, dt):
 
 
 @compiled
-def pose_foot(leg, drop, goal, tables, local, at, turn):
+def pose_foot(foot, leg, drop, goal, tables, local, at, turn):
     """Solve one leg for the ankle and sole that the animation and OpenKCC's goal blend to.
 
-    Returns ankle and sole as asked for, then as reached, and whether that is the same.
+    What was asked for and what it came to are written into its `FOOT`.
     """
     ankle = add(get3(at[leg["ankle"]]), (0.0, 0.0, -drop))
     sole = quat_mul(get4(turn[leg["ankle"]]), get4(leg["frame"]))
@@ -209,11 +209,15 @@ def pose_foot(leg, drop, goal, tables, local, at, turn):
     wanted_turn = sole
     if goal["rotation_weight"] > 0.0:
         wanted_turn = quat_nlerp(sole, get4(goal["rotation"]), goal["rotation_weight"])
-    came_to, came_turn, reached = pose_leg(
+    came_to, came_turn, reached, missing = pose_leg(
         leg, drop, wanted, wanted_turn, 0.0, 0.0, (0.0, 0.0, 1.0), tables.parents,
         tables.settings, local, at, turn,
     )  # fmt: skip
-    return wanted, wanted_turn, came_to, came_turn, reached
+    set3(foot["goal"], wanted)
+    set4(foot["goal_turn"], wanted_turn)
+    set3(foot["out"], came_to)
+    set4(foot["out_turn"], came_turn)
+    foot["reached"], foot["missing"] = reached, missing
 
 
 @compiled
@@ -249,15 +253,8 @@ def solve_rows(bodies, feet, tables, hips, roots, locals_, block, rows, settings
         body["fresh"] = 0
         roots[c, 2] -= drop
         for j in range(feet.shape[1]):
-            foot = feet[c, j]
-            goal, goal_turn, ankle, sole, reached = pose_foot(
-                tables.legs[j], drop, rows.goals[c, j], tables, locals_[c], at, turn
-            )
-            set3(foot["goal"], goal)
-            set4(foot["goal_turn"], goal_turn)
-            set3(foot["out"], ankle)
-            set4(foot["out_turn"], sole)
-            foot["reached"] = reached
+            foot, goal = feet[c, j], rows.goals[c, j]
+            pose_foot(foot, tables.legs[j], drop, goal, tables, locals_[c], at, turn)
             show_foot(foot, rows.feet[c, j], settings[0], now, at[hips][2], scene)
 
 
