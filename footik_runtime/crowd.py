@@ -6,6 +6,8 @@ Rows are worked in blocks that fit the processor's cache. One character is a cro
 from __future__ import annotations
 
 import math
+from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,9 +43,13 @@ class Crowd:
         count: int = 1,
         *,
         settings: FootIKSettings | None = None,
+        threads: int = 1,
     ) -> None:
+        """Args are the attributes'; threads share the rows, and change no bit of any result."""
         if count < 1:
             raise FootIKError(f"a crowd needs at least one character, not {count}.")
+        if threads < 1:
+            raise FootIKError(f"a crowd needs at least one thread, not {threads}.")
         self.motion, self.ground = motion, ground
         self.settings = settings or FootIKSettings()
         skeleton, legs = motion.rig.skeleton, motion.rig.legs
@@ -65,10 +71,17 @@ class Crowd:
         self.feet = np.zeros((count, len(legs)), dtype=FOOT)
         self.roots = np.zeros((count, 3))
         self.rotations = np.zeros((count, joints, 4))
-        self.block = _new_block(min(count, BLOCK), joints, len(legs))
         self.openkcc: OpenKCCRooms | None = None
         if self.settings.behaviour == "openkcc":
             self.openkcc = OpenKCCRooms(self.settings, motion.rig.hips, count, len(legs))
+        self._parts = _shares(count, threads)
+        self._blocks = [
+            _new_block(min(part.stop - part.start, BLOCK), joints, len(legs))
+            for part in self._parts
+        ]
+        self.block = self._blocks[0]
+        self._pool = ThreadPoolExecutor(len(self._parts)) if len(self._parts) > 1 else None
+        self._tables = tuple(self.tables._replace(settings=np.array([self.tables.settings])))
         self.bodies["rate"], self.bodies["enabled"] = 1.0, 1
         self.bodies["velocity"], self.bodies["turn_rate"] = motion.velocity, motion.yaw_rate
         self.reset()
@@ -108,18 +121,37 @@ class Crowd:
         """
         if not (math.isfinite(dt) and dt >= 0.0):
             raise FootIKError(f"a step's dt must be 0 or more and finite, not {dt}.")
-        bodies = self._scene_bodies()
-        state = (self.bodies, self.feet, self.tables, self.roots, self.rotations, self.block)
         if self.openkcc is not None:
-            self.openkcc.step(*state, dt, bodies, self.ground)
+            state = (self.bodies, self.feet, self.tables, self.roots, self.rotations, self.block)
+            self.openkcc.step(*state, dt, self._scene_bodies(), self.ground)
             return
         caster = self.ground.caster() if isinstance(self.ground, SceneGround) else None
-        if caster is not None:
-            step_native(*state, dt, bodies, caster)
-            return
+        if caster is None:
+            self._step_through_python(dt)
+        elif self._pool is None:
+            self._step_native(self._parts[0], self.block, dt, tuple(caster))
+        else:
+            jobs = [
+                self._pool.submit(self._step_native, part, block, dt, tuple(caster))
+                for part, block in zip(self._parts, self._blocks, strict=True)
+            ]
+            for job in jobs:
+                job.result()
+
+    def _step_native(self, part: slice, block: Block, dt: float, caster: tuple) -> None:
+        step_native(
+            self.bodies[part], self.feet[part], self._tables, self.roots[part],
+            self.rotations[part], tuple(block), dt, tuple(self._scene_bodies()), caster,
+        )  # fmt: skip
+
+    def _step_through_python(self, dt: float) -> None:
+        bodies = self._scene_bodies()
         for first in range(0, len(self.bodies), BLOCK):
             here = slice(first, first + BLOCK)
-            rows = (*(a[here] for a in state[:2]), self.tables, *(a[here] for a in state[3:5]))
+            rows = (
+                self.bodies[here], self.feet[here], self.tables, self.roots[here],
+                self.rotations[here],
+            )  # fmt: skip
             before_rays(*rows, self.block, dt, bodies)
             for probes, hits in zip(self.block.probes, self.block.hits, strict=True):
                 self.ground.cast(probes, hits)
@@ -145,6 +177,13 @@ def _joints_needed(motion: Motion) -> NDArray[np.int32]:
     return np.array(sorted({j for end in ends for j in skeleton.chain(end)}), dtype=np.int32)
 
 
+def _shares(count: int, threads: int) -> list[slice]:
+    """The rows of each thread: as even as they can be, and none without a row."""
+    threads = min(threads, count)
+    ends = [count * i // threads for i in range(threads + 1)]
+    return [slice(first, last) for first, last in pairwise(ends)]
+
+
 def _new_block(rows: int, joints: int, legs: int) -> Block:
     probes = 1 + legs * PROBES
     return Block(
@@ -154,4 +193,6 @@ def _new_block(rows: int, joints: int, legs: int) -> Block:
         told=np.zeros((rows, legs), dtype=FOOT_INPUT),
         probes=np.zeros((rows, probes), dtype=PROBE),
         hits=np.zeros((rows, probes), dtype=HIT),
+        ray=np.zeros(9),
+        geom_id=np.zeros(1, dtype=np.int32),
     )

@@ -80,8 +80,8 @@ _mj_ray = types.ExternalFunction(
 )
 
 
-Caster = namedtuple("Caster", "model data groups geom_body numbers geom_id")
-"""What `cast_native` needs: two addresses, the group mask, the geoms' bodies, and scratch."""
+Caster = namedtuple("Caster", "model data groups geom_body")
+"""What `cast_native` needs of a scene: two addresses, the group mask, and the geoms' bodies."""
 
 
 @compiled
@@ -199,14 +199,13 @@ class SceneGround:
         self._mask = group_mask(groups)
         self._native = native
         self._geom_body = np.ascontiguousarray(model.geom_bodyid)
-        self._numbers, self._geom_id = np.empty(9), np.empty(1, dtype=np.int32)
 
     def cast(self, probes: NDArray[Any], hits: NDArray[Any]) -> None:
         """Answer the active probes; see `Ground.cast`. May be called from several threads."""
         if not self._native:
             _cast_through_python(self.model, self.data, self._mask, probes, hits)
             return
-        cast_native(*self._new_caster()[:4], probes, hits, np.empty(9), np.empty(1, dtype=np.int32))
+        cast_native(*self._new_caster(), probes, hits, np.empty(9), np.empty(1, dtype=np.int32))
 
     def caster(self) -> Caster | None:
         """What compiled code needs to cast here by itself; None where rays go through Python."""
@@ -214,8 +213,7 @@ class SceneGround:
 
     def _new_caster(self) -> Caster:
         # Addresses are asked anew: MuJoCo may have rebuilt a model in place.
-        model, data = self.model._address, self.data._address
-        return Caster(model, data, self._mask, self._geom_body, self._numbers, self._geom_id)
+        return Caster(self.model._address, self.data._address, self._mask, self._geom_body)
 
     def under(
         self, points: Array, *, above: float = 0.5, reach: float = 3.0

@@ -16,7 +16,7 @@ from footik_runtime.foot_target import (
     remember,
     settle,
 )
-from footik_runtime.ground import cast_native
+from footik_runtime.ground import Caster, cast_native
 from footik_runtime.hips import move_hips, wanted_drop
 from footik_runtime.legs import pose_leg
 from footik_runtime.locomotion import ahead_of, ask_root, hear_root, root_rows
@@ -44,9 +44,10 @@ Tables = namedtuple(
 Bodies = namedtuple("Bodies", "at turn")
 """Positions (B, 3) and rotations (B, 4) of the scene's bodies, now."""
 
-Block = namedtuple("Block", "moves at turn told probes hits")
+Block = namedtuple("Block", "moves at turn told probes hits ray geom_id")
 """Work space of one block: translations (BLOCK, J, 3), world positions and rotations of joints,
-`FOOT_INPUT` (BLOCK, legs), probes and hits (BLOCK, 1 + legs * PROBES), the first for the root."""
+`FOOT_INPUT` (BLOCK, legs), probes and hits (BLOCK, 1 + legs * PROBES), the first for the root, and
+what a ray needs: (9,) and (1,)."""
 
 
 @compiled
@@ -221,17 +222,29 @@ def after_rays(bodies, feet, tables, roots, locals_, block, dt, scene):
 
 
 @compiled
+def cast_rows(block, rows, caster):
+    """Cast the probes of the first rows of a block."""
+    for c in range(rows):
+        cast_native(
+            caster.model, caster.data, caster.groups, caster.geom_body, block.probes[c],
+            block.hits[c], block.ray, block.geom_id,
+        )  # fmt: skip
+
+
+@compiled
 def step_native(bodies, feet, tables, roots, locals_, block, dt, scene, caster):
-    """A whole frame of many rows, block by block, with native rays: nothing calls Python."""
+    """A whole frame of many rows, block by block, with native rays: nothing calls Python.
+
+    Called from Python for every frame, so it is given what Numba takes in fast: plain tuples for
+    `Tables`, `Block`, `Bodies` and `Caster`, and the settings as an array (1,).
+    """
+    shared, work = Tables(*tables[:8], tables[8][0], *tables[9:]), Block(*block)
+    around, by = Bodies(*scene), Caster(*caster)
     rows = bodies.shape[0]
     for first in range(0, rows, BLOCK):
         last = min(first + BLOCK, rows)
         here, theirs = bodies[first:last], feet[first:last]
         root, local = roots[first:last], locals_[first:last]
-        before_rays(here, theirs, tables, root, local, block, dt, scene)
-        for c in range(last - first):
-            cast_native(
-                caster.model, caster.data, caster.groups, caster.geom_body, block.probes[c],
-                block.hits[c], caster.numbers, caster.geom_id,
-            )  # fmt: skip
-        after_rays(here, theirs, tables, root, local, block, dt, scene)
+        before_rays(here, theirs, shared, root, local, work, dt, around)
+        cast_rows(work, last - first, by)
+        after_rays(here, theirs, shared, root, local, work, dt, around)
