@@ -20,7 +20,7 @@ from footik_runtime.files import require_writable, write_whole
 from footik_runtime.formats import load_clip
 from footik_runtime.metrics import as_json, format_table, score
 from footik_runtime.motion import Motion
-from footik_runtime.phases import Phase, phase_curve, weight_curve
+from footik_runtime.phases import Phase, phase_curve
 from footik_runtime.progress import Progress
 from footik_runtime.rig import Rig, find_rig
 from footik_runtime.scene import Scene
@@ -210,25 +210,22 @@ def _write_json(path: Path, value: Mapping[str, Any]) -> None:
 def _write_run(path: Path, motion: Motion, recording: Recording) -> None:
     """The run as arrays: times, pose, feet and ground, with the names that belong to them."""
     feet = recording.feet
+    arrays: dict[str, Any] = {
+        "fps": recording.fps,
+        "times": recording.times,
+        "joint_names": np.array(motion.rig.skeleton.names),
+        "leg_names": np.array([leg.name for leg in motion.rig.legs]),
+        "root_positions": recording.roots,
+        "rotations": recording.rotations,
+        "hip_drop": recording.bodies["hip_drop"],
+        "contact_phase": recording.phases,
+        "sole_points": recording.run.sole,
+        "ground_heights": recording.run.ground,
+    }
+    for name in ("state", "bump", "weight", "locked", "pin", "reached", "goal", "goal_turn"):
+        arrays[f"foot_{name}"] = feet[name]
     buffer = io.BytesIO()
-    np.savez_compressed(
-        buffer,
-        fps=recording.fps,
-        times=recording.times,
-        joint_names=np.array(motion.rig.skeleton.names),
-        leg_names=np.array([leg.name for leg in motion.rig.legs]),
-        weight_curves=np.array([weight_curve(leg.name) for leg in motion.rig.legs]),
-        root_positions=recording.roots,
-        rotations=recording.rotations,
-        hip_drop=recording.bodies["hip_drop"],
-        contact_phase=recording.phases,
-        **{
-            f"foot_{name}": feet[name]
-            for name in ("state", "bump", "weight", "locked", "pin", "reached", "goal", "goal_turn")
-        },
-        sole_points=recording.run.sole,
-        ground_heights=recording.run.ground,
-    )
+    np.savez_compressed(buffer, **arrays)
     write_whole(path, buffer.getvalue())
 
 

@@ -18,7 +18,7 @@ from typing import Any, TypeVar, cast
 import llvmlite
 import numba
 import numpy as np
-from numba.core import event
+from numba.core import config, event
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 _PACKAGE = Path(__file__).parent
@@ -26,7 +26,7 @@ _PACKAGE = Path(__file__).parent
 
 def jit_enabled() -> bool:
     """False under NUMBA_DISABLE_JIT=1, where kernels run as plain Python."""
-    return not numba.config.DISABLE_JIT
+    return not config.DISABLE_JIT
 
 
 def _sources_key() -> str:
@@ -59,12 +59,12 @@ def compiled(function: _F) -> _F:
     """Compile `function` to native code (nogil, exact float64), cached on disk between runs."""
     if not jit_enabled():
         return function
-    user_choice = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = str(_CACHE_DIR)  # read by Numba while it decorates
+    user_choice = config.CACHE_DIR
+    config.CACHE_DIR = str(_CACHE_DIR)  # read by Numba while it decorates
     try:
         return cast(_F, numba.njit(cache=True, nogil=True, error_model="numpy")(function))
     finally:
-        numba.config.CACHE_DIR = user_choice
+        config.CACHE_DIR = user_choice
 
 
 class _CompileNotice(event.Listener):

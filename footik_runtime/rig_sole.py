@@ -153,7 +153,7 @@ def _toe_basis(toe: Array | None, basis: Array, hangs: bool) -> Array:
     if toe is None or not hangs:
         return basis
     along = _unit(toe - basis[1] * (toe @ basis[1]), basis[0])
-    return np.stack([along, basis[1], np.cross(along, basis[1])])
+    return np.stack([along, basis[1], np.cross(along, basis[1]).astype(np.float64)])
 
 
 def _sole_basis(toe: Array | None, shin: Array, stance: Stance) -> tuple[Array, str]:

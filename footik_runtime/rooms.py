@@ -238,7 +238,7 @@ def step_native(bodies, feet, tables, roots, locals_, block, dt, scene, caster):
     Called from Python for every frame, so it is given what Numba takes in fast: plain tuples for
     `Tables`, `Block`, `Bodies` and `Caster`, and the settings as an array (1,).
     """
-    shared, work = Tables(*tables[:8], tables[8][0], *tables[9:]), Block(*block)
+    shared, work = Tables(*tables[:8], tables[8][0], tables[9], tables[10]), Block(*block)
     around, by = Bodies(*scene), Caster(*caster)
     rows = bodies.shape[0]
     for first in range(0, rows, BLOCK):

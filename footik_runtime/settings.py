@@ -150,7 +150,7 @@ class FootIKSettings:
                 raise unknown_name("setting", name, names)
         return replace(self, **values)
 
-    def record(self, leg_length: float) -> np.void:
+    def record(self, leg_length: float) -> Any:
         """The settings as one `SETTINGS` record for compiled code, for a leg of this length.
 
         Lengths are scaled for the default behaviour; OpenKCC's stay as they are, as in OpenKCC.
