@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import os
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -236,8 +237,13 @@ def main() -> None:
         tyro.extras.subcommand_cli_from_dict(
             {"walk": walk, "inspect": inspect}, prog="footik", description=__doc__
         )
+        sys.stdout.flush()
     except FootIKError as error:
         print(f"footik: {error}", file=sys.stderr)
         sys.exit(1)
+    except BrokenPipeError:
+        # Whoever read our output has enough (`footik walk | head`): end as quietly as others do.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(141)
     except KeyboardInterrupt:
         sys.exit(130)
