@@ -79,15 +79,15 @@ def usable(leg, extension, settings):
 def lifted(leg, hip, goal, goal_turn, reach, held, settings):
     """The goal with its heel raised over the ball as far as the leg is too short for it.
 
-    The ball stays where it is; `held` scales the angle.
+    The ball stays where it is; `held` scales the angle, which is returned last, rad.
     """
     ball = add(goal, rotate(goal_turn, (leg["ball"], 0.0, -leg["height"])))
     axis = rotate(goal_turn, (0.0, 1.0, 0.0))
     angle = held * min(heel_lift(hip, goal, ball, axis, reach), settings["max_heel_lift"])
     if angle <= 0.0:
-        return goal, goal_turn
+        return goal, goal_turn, 0.0
     turn = quat_axis_angle(axis, angle)
-    return add(ball, rotate(turn, sub(goal, ball))), quat_mul(turn, goal_turn)
+    return add(ball, rotate(turn, sub(goal, ball))), quat_mul(turn, goal_turn), angle
 
 
 @compiled
@@ -119,15 +119,15 @@ def pose_leg(leg, drop, goal, goal_turn, held, toes, normal, parents, settings, 
         at, turn: (J, 3), (J, 4) animated pose of the leg's joints, world, before the drop.
 
     Returns:
-        The ankle (3,) and sole rotation that the leg came to, whether that is the goal, and by how
-        much it is not, m.
+        The ankle (3,) and sole rotation that the leg came to, whether that is the goal, by how
+        much it is not, m, and by what angle the heel was lifted, rad.
     """
     down = (0.0, 0.0, -drop)
     hip = add(get3(at[leg["hip"]]), down)
     knee = add(get3(at[leg["knee"]]), down)
     ankle = add(get3(at[leg["ankle"]]), down)
     reach = usable(leg, norm(sub(ankle, hip)), settings)
-    goal, goal_turn = lifted(leg, hip, goal, goal_turn, reach, held, settings)
+    goal, goal_turn, lift = lifted(leg, hip, goal, goal_turn, reach, held, settings)
     foot = quat_mul(goal_turn, quat_conj(get4(leg["frame"])))
     hip_turn, knee_turn = get4(turn[leg["hip"]]), get4(turn[leg["knee"]])
     hinge = rotate(hip_turn, get3(leg["hinge"]))
@@ -141,4 +141,4 @@ def pose_leg(leg, drop, goal, goal_turn, held, toes, normal, parents, settings, 
     set4(local[leg["ankle"]], quat_mul(quat_conj(over_ankle), foot))
     if leg["toe"] >= 0 and toes > 0.0:
         lie_toes(leg, foot, goal_turn, normal, toes, parents, local)
-    return came_to, goal_turn, reached, norm(sub(goal, came_to))
+    return came_to, goal_turn, reached, norm(sub(goal, came_to)), lift

@@ -11,6 +11,7 @@ from collections import namedtuple
 
 from footik_runtime.compiled import compiled
 from footik_runtime.foot_target import (
+    HEEL_PIN,
     PROBES,
     intend,
     remember,
@@ -145,14 +146,14 @@ def leg_row(body, feet, tables, root, local, at, turn, told, dt):
     root[2] -= body["hip_drop"]
     for i in range(feet.shape[0]):
         foot = feet[i]
-        ankle, sole_turn, reached, missing = pose_leg(
+        ankle, sole_turn, reached, missing, lift = pose_leg(
             tables.legs[i], body["hip_drop"], get3(foot["goal"]), get4(foot["goal_turn"]),
             foot["heel_lift"], foot["toes"], get3(foot["normal"]), tables.parents, tables.settings,
             local, at, turn,
         )  # fmt: skip
         foot["reached"], foot["missing"] = reached, missing
-        if not reached:
-            foot["locked"] = 0
+        if not reached or (lift > 0.0 and foot["pin"] == HEEL_PIN):
+            foot["locked"] = 0  # a lift turns about the ball, and carries a held heel away
         remember(foot, told[i], ankle, sole_turn, dt)
 
 
