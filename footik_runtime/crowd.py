@@ -18,6 +18,7 @@ from footik_runtime.ground import Ground, SceneGround
 from footik_runtime.legs import leg_records
 from footik_runtime.locomotion import BODY
 from footik_runtime.motion import Motion
+from footik_runtime.openkcc_rooms import OpenKCCRooms
 from footik_runtime.probes import HIT, PROBE
 from footik_runtime.rooms import BLOCK, Block, Bodies, Tables, after_rays, before_rays, step_native
 from footik_runtime.settings import FootIKSettings
@@ -32,6 +33,7 @@ class Crowd:
         feet: (C, legs) of `FOOT`.
         roots: (C, 3) where joint 0 of each is now, world, m.
         rotations: (C, J, 4) local joint rotations now; row 0 is joint 0's in the world.
+        openkcc: OpenKCC's own state machines where the settings ask for that behaviour, else None.
     """
 
     def __init__(
@@ -69,6 +71,9 @@ class Crowd:
         self.feet = np.zeros((count, len(legs)), dtype=FOOT)
         self.roots = np.zeros((count, 3))
         self.rotations = np.zeros((count, joints, 4))
+        self.openkcc: OpenKCCRooms | None = None
+        if self.settings.behaviour == "openkcc":
+            self.openkcc = OpenKCCRooms(self.settings, motion.rig.hips, count, len(legs))
         self._parts = _shares(count, threads)
         self._blocks = [
             _new_block(min(part.stop - part.start, BLOCK), joints, len(legs))
@@ -87,6 +92,8 @@ class Crowd:
             reset_foot(foot)
         self.bodies["fresh"] = 1
         self.bodies["hip_drop"] = self.bodies["hip_speed"] = self.bodies["climb"] = 0.0
+        if self.openkcc is not None:
+            self.openkcc.reset()
 
     def place(self, at: NDArray[np.float64], yaw: NDArray[np.float64] | float = 0.0) -> None:
         """Put the roots somewhere, (C, 3) m, facing yaw, rad; feet are placed anew."""
@@ -114,6 +121,10 @@ class Crowd:
         """
         if not (math.isfinite(dt) and dt >= 0.0):
             raise FootIKError(f"a step's dt must be 0 or more and finite, not {dt}.")
+        if self.openkcc is not None:
+            state = (self.bodies, self.feet, self.tables, self.roots, self.rotations, self.block)
+            self.openkcc.step(*state, dt, self._scene_bodies(), self.ground)
+            return
         caster = self.ground.caster() if isinstance(self.ground, SceneGround) else None
         if caster is None:
             self._step_through_python(dt)
@@ -159,9 +170,10 @@ _WORLD = Bodies(np.zeros((1, 3)), np.array([[1.0, 0.0, 0.0, 0.0]]))
 
 
 def _joints_needed(motion: Motion) -> NDArray[np.int32]:
-    """Joints whose world pose the feet need: the legs and all above them, parents first."""
+    """Joints whose world pose the feet need: hips, legs and all above them, parents first."""
     skeleton = motion.rig.skeleton
     ends = [leg.toe if leg.toe >= 0 else leg.ankle for leg in motion.rig.legs]
+    ends.append(motion.rig.hips)
     return np.array(sorted({j for end in ends for j in skeleton.chain(end)}), dtype=np.int32)
 
 

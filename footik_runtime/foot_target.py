@@ -54,6 +54,7 @@ PROBES = 1 + PATH + WINDOW
 _UP = (0.0, 0.0, 1.0)
 _DOWN = (0.0, 0.0, -1.0)
 _FOLLOWED = 1e-3  # m of ground movement under a print that is not worth following
+_MISSED = 0.004  # m by which a leg may miss its goal before a contact is given up
 _LATE = 0.85  # part of a bump stride after which its target stays where it is
 _HEEL_STANCE = 0.2  # s after a plant in which more and more of a heel lift is allowed
 _SPOT = 0.1  # m; a swing that goes no further is told by time, not by place
@@ -79,6 +80,7 @@ FOOT = np.dtype(
         ("lift_turn", "f8", 4),
         ("air_age", "f8"),
         ("spent", "i4"),
+        ("rolled", "f8", 3),
         ("plan", "i4"),
         ("plan_place", "f8", 2),
         ("plan_yaw", "f8"),
@@ -108,6 +110,7 @@ FOOT = np.dtype(
         ("pin", "i4"),
         ("locked", "i4"),
         ("reached", "i4"),
+        ("missing", "f8"),
         ("drop", "f8"),
     ],
     align=True,
@@ -117,12 +120,14 @@ FOOT = np.dtype(
 state: RELEASED or GROUNDED; bump: in a bump stride. floor, body: geom and body it stands on, -1.
 weight: 0 follows the animation, 1 its print. hold, hold_turn: the print (under the ankle, on the
 ground) in its body's frame; gap: height of the watched ground over it. from*: the print a bump
-stride leaves. lift*: the print a swing left, world; spent: the contact was given up early. plan*,
+stride leaves. lift*: the print a swing left, world; spent: the contact was given up early;
+rolled: how far the ankle, held, would have moved in the frame of release. plan*,
 land*, arch: the foothold ahead. offset*, twist*: what is carried over, and its age. anim*, root_z,
 out*: last frame's animated ankle and final ankle, with the final one's velocity. goal, goal_turn:
 of the ankle and sole, world; normal: of the plane it stands on, or left; toes: how flat the toes
 lie on it; heel_lift: 0 to 1, how far its heel may lift to reach. pin: the sole point that is held;
-locked: and still. reached: whether the leg came to the goal; drop: of the hips it asks for, m.
+locked: and still. reached: whether the leg came to the goal; missing: by how much not, m; drop: of
+the hips that it asks for, m.
 """
 
 FOOT_INPUT = np.dtype(
@@ -156,7 +161,8 @@ def reset_foot(foot):
     foot["floor"], foot["body"] = -1, 0
     foot["weight"], foot["plan"], foot["known"] = 0.0, NO_PLAN, 0
     foot["pin"], foot["locked"], foot["offset_time"] = NO_PIN, 0, 0.0
-    foot["air_age"], foot["spent"], foot["reached"] = 1e9, 0, 1
+    foot["air_age"], foot["spent"] = 1e9, 0
+    foot["reached"], foot["missing"] = 1, 0.0
     set4(foot["lift_turn"], (1.0, 0.0, 0.0, 0.0))
 
 
@@ -257,21 +263,21 @@ def swinging(foot, ankle, turn, root_z, progress, bodies_at, bodies_turn):
 
 
 @compiled
-def carry_over(foot, base, base_turn, base_speed, duration):
-    """Begin an offset from the pose that will be followed to where the foot was last frame.
+def carry_over(foot, start, speed, base, base_turn, duration, age):
+    """Begin an offset from the pose that will be followed to where the foot was: `start`.
 
-    `base`, `base_turn` are last frame's value of what is followed from now on.
+    `speed` (3,) is the foot's against what it will follow, m/s.
+    `base`, `base_turn` are the value, `age` seconds ago, of what is followed from now on.
     """
     if foot["known"] == 0 or duration <= 0.0:
         foot["offset_time"] = 0.0
         return
-    offset = sub(get3(foot["out"]), base)
+    offset = sub(start, base)
     twist = quat_to_rotvec(quat_mul(get4(foot["out_turn"]), quat_conj(base_turn)))
-    speed = sub(get3(foot["out_speed"]), base_speed)
     set3(foot["offset"], offset)
     set3(foot["offset_speed"], limited_velocity(offset, speed, duration))
     set3(foot["twist"], twist)
-    foot["offset_age"], foot["offset_time"] = 0.0, duration
+    foot["offset_age"], foot["offset_time"] = age, duration
 
 
 @compiled
@@ -289,9 +295,13 @@ def with_offset(foot, base, base_turn):
 
 
 @compiled
-def release(foot, told, dt, settings, bodies_at, bodies_turn):
+def release(foot, told, leg, dt, settings, bodies_at, bodies_turn):
     """Let go of the ground: the foot swings from its print back to the animation."""
     point, turn = print_of(foot, bodies_at, bodies_turn)
+    flat = settings["flat_angle"]
+    now, _ = planted(point, turn, sole_pitch(get4(told["turn"]), flat), leg)
+    before, _ = planted(point, turn, sole_pitch(get4(foot["anim_turn"]), flat), leg)
+    set3(foot["rolled"], sub(now, before))
     set3(foot["lift"], point)
     set4(foot["lift_turn"], turn)
     foot["state"], foot["bump"], foot["plan"] = RELEASED, 0, NO_PLAN
@@ -314,16 +324,27 @@ def follow_swing(foot, told, dt, settings, bodies_at, bodies_turn):
         foot, get3(foot["anim"]), get4(foot["anim_turn"]), foot["root_z"], progress,
         bodies_at, bodies_turn,
     )  # fmt: skip
-    speed = scale(sub(now, base), 1.0 / dt if dt > 0.0 else 0.0)
+    rate = 1.0 / dt if dt > 0.0 else 0.0
+    speed = scale(sub(now, base), rate)
+    start, start_speed, age = get3(foot["out"]), get3(foot["out_speed"]), dt
+    if told["ahead"] and foot["air_age"] == 0.0 and foot["spent"] == 0:
+        # It was free since the contact's end, not since the frame before: so any rate agrees.
+        age = clamp(told["swing_time"] - told["to_plant"], 0.0, dt)
+        base = add_scaled(now, speed, -age)
+        start_speed = scale(get3(foot["rolled"]), rate)
+        start = add_scaled(start, start_speed, dt - age)
     duration = settings["release_time"]
     if told["ahead"] and told["to_plant"] > 0.0:
         duration = min(duration, 0.8 * told["to_plant"])
-    carry_over(foot, base, base_turn, speed, duration)
+    carry_over(foot, start, sub(start_speed, speed), base, base_turn, duration, age)
 
 
 @compiled
-def start_stride(foot, bump, duration):
-    """Set out for the planned foothold: from the swing, or, in a bump, from the present print."""
+def start_stride(foot, bump, age, duration):
+    """Set out for the planned foothold: from the swing, or, in a bump, from the present print.
+
+    A stride that is known ahead began when its time had come, not when a frame saw it: `age`.
+    """
     if bump:
         set3(foot["from"], get3(foot["hold"]))
         set4(foot["from_turn"], get4(foot["hold_turn"]))
@@ -332,7 +353,13 @@ def start_stride(foot, bump, duration):
     set4(foot["hold_turn"], get4(foot["land_turn"]))
     foot["floor"], foot["body"] = foot["land_floor"], foot["land_body"]
     foot["state"], foot["bump"], foot["watched"] = GROUNDED, bump, 0
-    foot["stride_age"], foot["stride_time"] = 0.0, duration
+    foot["stride_age"], foot["stride_time"] = age, duration
+
+
+@compiled
+def place_lead(told, settings):
+    """How long before a known plant the foot sets out for its print, s."""
+    return min(settings["place_time"], 0.6 * told["swing_time"])
 
 
 @compiled
@@ -346,7 +373,7 @@ def give_up_late(foot, told, settings):
         foot["spent"] = 0 if over or told["ahead"] == 0 else 1
     elif foot["state"] == GROUNDED and told["ahead"] and not over and foot["bump"] == 0:
         late = told["to_release"] < settings["hip_let_go"]
-        foot["spent"] = 1 if late and foot["reached"] == 0 else 0
+        foot["spent"] = 1 if late and foot["missing"] > _MISSED * settings["size"] else 0
 
 
 @compiled
@@ -355,8 +382,7 @@ def wants_ground(foot, told, settings):
     if foot["spent"]:
         return False
     if told["ahead"]:
-        lead = min(settings["place_time"], 0.6 * told["swing_time"])
-        return told["to_plant"] <= lead
+        return told["to_plant"] <= place_lead(told, settings)
     if foot["state"] == GROUNDED:
         return told["weight"] > settings["weight_off"]
     return told["weight"] >= settings["weight_on"]
@@ -414,7 +440,7 @@ def intend(foot, told, leg, may_bump, dt, probes, settings, bodies_at, bodies_tu
     give_up_late(foot, told, settings)
     wants = wants_ground(foot, told, settings)
     if foot["state"] == GROUNDED and not wants:
-        release(foot, told, dt, settings, bodies_at, bodies_turn)
+        release(foot, told, leg, dt, settings, bodies_at, bodies_turn)
     if foot["state"] == GROUNDED:
         point, _ = print_of(foot, bodies_at, bodies_turn)
         length = settings["ground_above"] + settings["ground_below"]
@@ -480,7 +506,7 @@ def watch_ground(foot, told, hit, leg, dt, settings, bodies_at, bodies_turn):
         foot["gap"], foot["watched"] = height, 1
     moved = height - foot["gap"]
     if hit["hit"] == 0 or abs(moved) > settings["largest_step"]:
-        release(foot, told, dt, settings, bodies_at, bodies_turn)
+        release(foot, told, leg, dt, settings, bodies_at, bodies_turn)
         return
     foot["floor"] = hit["geom"]
     if hit["body"] == foot["body"] and abs(moved) <= _FOLLOWED * settings["size"]:
@@ -493,7 +519,10 @@ def watch_ground(foot, told, hit, leg, dt, settings, bodies_at, bodies_turn):
     if abs(moved) > 1e-9:
         pitch = sole_pitch(get4(foot["anim_turn"]), settings["flat_angle"])
         base, base_turn = planted(point, turn, pitch, leg)
-        carry_over(foot, base, base_turn, (0.0, 0.0, 0.0), settings["settle_time"])
+        carry_over(
+            foot, get3(foot["out"]), get3(foot["out_speed"]), base, base_turn,
+            settings["settle_time"], dt,
+        )  # fmt: skip
 
 
 @compiled
@@ -506,23 +535,24 @@ def settle(foot, told, leg, hits, dt, settings, bodies_at, bodies_turn):
         if asked and foot["known"]:
             follow_swing(foot, told, dt, settings, bodies_at, bodies_turn)
         if foot["plan"] == PLANNED and wants_ground(foot, told, settings):
-            duration = settings["place_time"]
+            age, duration = 0.0, settings["place_time"]
             if told["ahead"] and told["to_plant"] > 0.0:
-                duration = told["to_plant"]
-            start_stride(foot, 0, duration if foot["known"] else 0.0)
+                duration = place_lead(told, settings)
+                age = duration - told["to_plant"]
+            start_stride(foot, 0, age, duration if foot["known"] else 0.0)
     else:
         watch_ground(foot, told, hits[0], leg, dt, settings, bodies_at, bodies_turn)
         if foot["state"] == GROUNDED and asked and foot["plan"] == PLANNED:
-            bump_to_plan(foot, told, leg, settings, bodies_at, bodies_turn)
+            bump_to_plan(foot, told, leg, dt, settings, bodies_at, bodies_turn)
     write_goal(foot, told, leg, settings, bodies_at, bodies_turn)
 
 
 @compiled
-def bump_to_plan(foot, told, leg, settings, bodies_at, bodies_turn):
+def bump_to_plan(foot, told, leg, dt, settings, bodies_at, bodies_turn):
     """Step to the planned foothold, or, in a bump stride already, move its target there."""
     under_way = foot["bump"] == 1 and foot["stride_age"] < foot["stride_time"]
     if not under_way:
-        start_stride(foot, 1, settings["stride_time"])
+        start_stride(foot, 1, 0.0, settings["stride_time"])
         return
     set3(foot["hold"], get3(foot["land"]))
     set4(foot["hold_turn"], get4(foot["land_turn"]))
@@ -532,7 +562,7 @@ def bump_to_plan(foot, told, leg, settings, bodies_at, bodies_turn):
         bodies_at, bodies_turn,
     )  # fmt: skip
     left = foot["stride_time"] - foot["stride_age"]
-    carry_over(foot, base, base_turn, get3(foot["out_speed"]), left)
+    carry_over(foot, get3(foot["out"]), (0.0, 0.0, 0.0), base, base_turn, left, dt)
 
 
 @compiled
@@ -581,7 +611,8 @@ def write_goal(foot, told, leg, settings, bodies_at, bodies_turn):
         foot["toes"] = foot["weight"]
         if arrived:
             # The first part of a known contact stands on the heel, which a lift would move.
-            stood = -told["to_plant"] / _HEEL_STANCE if told["ahead"] else 1.0
+            known = told["ahead"] and math.isfinite(told["to_release"])
+            stood = -told["to_plant"] / _HEEL_STANCE if known else 1.0
             foot["heel_lift"] = smooth_step(stood)
             heel = sole_pitch(turn, settings["flat_angle"]) > 0.0
             foot["pin"] = HEEL_PIN if heel else BALL_PIN

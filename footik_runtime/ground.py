@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from footik_runtime.compiled import compiled, jit_enabled
 from footik_runtime.errors import FootIKError
-from footik_runtime.math3d import add_scaled, dot, get3, set3
+from footik_runtime.math3d import add, add_scaled, dot, get3, set3
 from footik_runtime.probes import HIT, PROBE, set_miss
 
 Array = NDArray[np.float64]
@@ -32,6 +32,9 @@ _OLDEST = 3_011_000  # mj_version() of 3.11.0, the first whose mj_ray returns th
 _ARGUMENTS = ("m:", "d:", "pnt:", "vec:", "geomgroup:", "flg_static:", "bodyexclude:", "geomid:")
 _PAST_BACK_FACE = 1e-5  # m beyond a back face before the ray goes on
 _MOST_BACK_FACES = 8
+# A ray exactly on a grid line of a height field, or on a seam of a mesh, may fall through it in
+# MuJoCo. Characters start at round numbers, where such lines are: rays are cast a hair beside.
+_OFF_SEAM = (1.37e-7, 0.73e-7, 0.0)  # m
 
 
 class Ground(Protocol):
@@ -108,7 +111,7 @@ def cast_native(model, data, groups, geom_body, probes, hits, numbers, geom_id):
         travelled = 0.0
         for _ in range(_MOST_BACK_FACES):
             start = add_scaled(get3(probe["origin"]), get3(probe["direction"]), travelled)
-            set3(origin, start)
+            set3(origin, add(start, _OFF_SEAM))
             distance = _mj_ray(
                 model,
                 data,
@@ -145,7 +148,8 @@ def _cast_through_python(
         set_miss(hit)
         travelled = 0.0
         for _ in range(_MOST_BACK_FACES):
-            start = np.array(add_scaled(probe["origin"], probe["direction"], travelled))
+            start = add_scaled(get3(probe["origin"]), get3(probe["direction"]), travelled)
+            start = np.array(add(start, _OFF_SEAM))
             distance = mujoco.mj_ray(
                 model, data, start, probe["direction"], groups, True, -1, geom_id, normal
             )

@@ -119,7 +119,8 @@ def pose_leg(leg, drop, goal, goal_turn, held, toes, normal, parents, settings, 
         at, turn: (J, 3), (J, 4) animated pose of the leg's joints, world, before the drop.
 
     Returns:
-        The ankle (3,) and sole rotation that the leg came to, and whether it reached the goal.
+        The ankle (3,) and sole rotation that the leg came to, whether that is the goal, and by how
+        much it is not, m.
     """
     down = (0.0, 0.0, -drop)
     hip = add(get3(at[leg["hip"]]), down)
@@ -140,4 +141,4 @@ def pose_leg(leg, drop, goal, goal_turn, held, toes, normal, parents, settings, 
     set4(local[leg["ankle"]], quat_mul(quat_conj(over_ankle), foot))
     if leg["toe"] >= 0 and toes > 0.0:
         lie_toes(leg, foot, goal_turn, normal, toes, parents, local)
-    return came_to, goal_turn, reached
+    return came_to, goal_turn, reached, norm(sub(goal, came_to))

@@ -16,7 +16,7 @@ from footik_runtime.clip import Clip, cubic_weights
 from footik_runtime.compiled import compiled
 from footik_runtime.errors import FootIKError
 from footik_runtime.math3d import quat_unit, set4
-from footik_runtime.offline.contacts import with_contacts
+from footik_runtime.offline.contacts import mend_seam, with_contacts
 from footik_runtime.offline.loops import find_loop, put_in_place
 from footik_runtime.phases import Phase, phase_curve, weight_curve
 from footik_runtime.rig import Rig
@@ -42,12 +42,13 @@ TIMING = np.dtype(
 """What one foot does in one frame, seen from the root.
 
 weight: of the IK curve. phase: `Phase`. to_plant: seconds to the next plant, or minus the time
-since the last one while in contact; inf for a foot that never plants. to_release: seconds to the
-end of the present contact, 0 in swing, inf for a foot that always stands. swing_time: duration of
-the swing before that plant, s. print (2,) and print_yaw: where that plant's flat footprint lies
-under the ankle, m and rad, in the frame the root has *at the plant*. pitch: how far the sole's nose
-points up then, rad. hip (3,): the leg's hip joint then, in the same frame; extension: from there
-to the ankle, m.
+since the last one while in contact, so that it falls at rate 1 and jumps at the release alone; inf
+for a foot that never plants, 0 for one that always stands. to_release: seconds to the end of the
+present contact, 0 in swing, inf for a foot that always stands. swing_time: duration of the swing
+before that plant, s, 0 for a foot without a swing. print (2,) and print_yaw: where that plant's
+flat footprint lies under the ankle, m and rad, in the frame the root has *at the plant*. pitch: how
+far the sole's nose points up then, rad. hip (3,): the leg's hip joint then, in the same frame;
+extension: from there to the ankle, m.
 """
 
 
@@ -86,15 +87,21 @@ class Motion:
     def prepare(cls, clip: Clip, rig: Rig) -> Motion:
         """Find contacts, cut the best cycle unless the clip is a loop, and table it.
 
-        Raises FootIKError for a clip of fewer than three frames, or of another skeleton.
+        Weight and phase curves that the clip has are kept. A clip without any also gets its floor
+        levelled and put at z = 0, and soles that fit it: the motion's `rig` has them.
+
+        Raises:
+            FootIKError: the clip has fewer than three frames or another skeleton than the rig, or
+                one of its phase curves a value that is no `Phase`.
         """
-        if clip.skeleton.names != rig.skeleton.names:
-            raise FootIKError(f"{clip.name}: the rig was made for another skeleton.")
+        _require_skeleton(clip, rig)
         if len(clip) < 3:
             raise FootIKError(f"{clip.name}: {len(clip)} frames are too few; a motion needs 3.")
         clip, rig = with_contacts(clip, rig)
-        first, last = (0, len(clip) - 1) if clip.loop else find_loop(clip, rig)
-        placed = put_in_place(clip.cut(first, last + 1), rig)
+        if not clip.loop:
+            first, last = find_loop(clip, rig)
+            clip = mend_seam(clip.cut(first, last + 1), rig)
+        placed = put_in_place(clip, rig)
         cycle = placed.clip
         pad = [len(cycle) - 2, *range(len(cycle)), 1]
         translations = np.zeros((0, len(rig.skeleton), 3))
@@ -111,6 +118,22 @@ class Motion:
             timing=_timing(cycle, rig, placed.velocity, placed.yaw_rate),
             seam=placed.seam,
         )
+
+
+def _require_skeleton(clip: Clip, rig: Rig) -> None:
+    ours, theirs = clip.skeleton, rig.skeleton
+    if len(ours) != len(theirs):
+        raise FootIKError(
+            f"{clip.name}: the rig was made for another skeleton, of {len(theirs)} joints, "
+            f"not {len(ours)}."
+        )
+    for j, (a, b) in enumerate(zip(ours.names, theirs.names, strict=True)):
+        if a != b or ours.parents[j] != theirs.parents[j]:
+            raise FootIKError(
+                f"{clip.name}: the rig was made for another skeleton: joint {j} is {a!r} with "
+                f"parent {ours.parents[j]} in the clip, {b!r} with parent {theirs.parents[j]} in "
+                "the rig."
+            )
 
 
 def _sign_continuous(rotations: Array) -> Array:
@@ -137,13 +160,14 @@ def _timing(clip: Clip, rig: Rig, velocity: Array, yaw_rate: float) -> NDArray[n
         ahead = quat_arrays.rotate(toward, np.array([1.0, 0.0, 0.0]))
         for start, length, swing in _contacts(contact):
             during = (start + np.arange(length)) % frames
-            age = np.arange(length) / clip.fps
+            # A foot that always stands plants again in every frame: it moves with the root.
+            age = np.arange(length) / clip.fps if swing else np.zeros(length)
             print_xy, yaw = _footprint(
                 leg.sole, row["phase"][during], points[during, i], ahead[during], age,
                 velocity, yaw_rate,
             )  # fmt: skip
             before = (start - np.arange(swing, 0, -1)) % frames
-            row["to_plant"][during] = -age
+            row["to_plant"][during] = 0.0 - age
             row["to_release"][during] = length / clip.fps - age if swing else np.inf
             row["to_plant"][before] = np.arange(swing, 0, -1) / clip.fps
             both = np.concatenate([before, during])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -42,6 +43,8 @@ class Run:
             is BETWEEN_BODIES. Zeros by default.
         joints: (T, J, 3) all joints, for deviation and jitter, or None.
         stretch: (T, L) largest segment length of each leg over its rest length, less 1, or None.
+        phase_at: times (N,) -> phases (N, L), where the clip tells them between frames too; asked
+            when a run is resampled. Otherwise they are told from the frames beside.
         sole_names: what the sole points are; holds "heel" and "ball".
     """
 
@@ -62,6 +65,7 @@ class Run:
     ground_ids: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
     joints: Array | None = None
     stretch: Array | None = None
+    phase_at: Callable[[Array], Ints] | None = None
     sole_names: tuple[str, ...] = ("heel", "ball", "tip")
 
     def __post_init__(self) -> None:

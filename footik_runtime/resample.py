@@ -74,7 +74,7 @@ def resample(run: Run, fps: float = 120.0, *, ground_height: GroundHeight | None
         leg_rotations=_cubic_rotations(grid, run.leg_rotations),
         **soles,
         ground=_resampled_ground(run, grid, soles["sole"], ground_height),
-        phase=_resampled_phase(grid, run.phase),
+        phase=run.phase_at(grid.at) if run.phase_at else _resampled_phase(grid, run.phase),
         locked=None if run.locked is None else run.locked[grid.left] & run.locked[grid.right],
         pin=_where_same(grid, run.pin, -1),
         **bodies,

@@ -145,12 +145,12 @@ def leg_row(body, feet, tables, root, local, at, turn, told, dt):
     root[2] -= body["hip_drop"]
     for i in range(feet.shape[0]):
         foot = feet[i]
-        ankle, sole_turn, reached = pose_leg(
+        ankle, sole_turn, reached, missing = pose_leg(
             tables.legs[i], body["hip_drop"], get3(foot["goal"]), get4(foot["goal_turn"]),
             foot["heel_lift"], foot["toes"], get3(foot["normal"]), tables.parents, tables.settings,
             local, at, turn,
         )  # fmt: skip
-        foot["reached"] = reached
+        foot["reached"], foot["missing"] = reached, missing
         if not reached:
             foot["locked"] = 0
         remember(foot, told[i], ankle, sole_turn, dt)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -100,6 +101,12 @@ def _at_speed(motion: Motion, speed: float) -> Array:
     return motion.velocity * (speed / max(motion.speed, 1e-9))
 
 
+def _phases_at(motion: Motion, rate: float, times: Array) -> NDArray[np.int64]:
+    """(N, legs) the motion's phases at times (N,) of a run that plays it at a constant rate."""
+    frames = np.mod(times * rate, motion.clip.duration) * motion.clip.fps
+    return motion.timing["phase"][np.floor(frames + 1e-6).astype(int)].astype(np.int64)
+
+
 class _Tape:
     """Collects frames; the sole points and the ground under them are found frame by frame,
     because the ground may move.
@@ -167,6 +174,7 @@ class _Tape:
             sole=self._sole,
             ground=self._ground,
             phase=self._phases,
+            phase_at=partial(_phases_at, self._scene.motion, float(self._bodies[0]["rate"])),
             locked=feet["locked"].astype(bool) if self._ik else None,
             pin=np.where(feet["locked"] == 1, feet["pin"], -1),
             ground_positions=self._frame_at,

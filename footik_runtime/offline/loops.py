@@ -15,19 +15,26 @@ from footik_runtime.rig import Rig
 Array = NDArray[np.float64]
 
 _SHORTEST = 0.4  # s
-_MOST_FRAMES = 400  # searched; longer clips are searched at a lower rate
+_MOST_STARTS = 500  # tried; of a longer clip, not every frame
+_NO_MOTION = 1e-4  # excursion, in leg lengths, of a pose that is only held
 _POOR = 0.35  # seam over excursion: above it, there is no cycle to be found
-_STRAIGHT = math.radians(12.0)  # a cycle that turns less goes straight on
+_STRAIGHT = math.radians(12.0)  # a found cycle that turns less goes straight on
+_STAYS = 0.03  # leg lengths: a found cycle that travels less stays in place
+_AS_GIVEN = 1e-6  # the same for a clip that says it is a loop, rad and leg lengths
+_BLEND = 0.15  # s at either end over which the velocities at the seam are made one
 _FACING = math.radians(35.0)  # a body that moves closer to its facing than this walks forward
 
 
 def headings(clip: Clip, rig: Rig) -> Array:
-    """(T,) yaw of the hips' forward direction, rad, continuous in time."""
+    """(T,) yaw of the hips' forward direction, rad, continuous in time.
+
+    It is the hips' turn about the vertical since the rest pose, so it holds still in a somersault.
+    """
     _, rest = rig.skeleton.rest_pose()
-    ahead = quat_arrays.rotate(rest[rig.hips] * [1.0, -1.0, -1.0, -1.0], rig.forward)
     _, rotations = clip.model_pose()
-    facing = quat_arrays.rotate(rotations[:, rig.hips], ahead)
-    return np.unwrap(np.arctan2(facing[:, 1], facing[:, 0]))
+    turn = quat_arrays.mul(rotations[:, rig.hips], quat_arrays.conj(rest[rig.hips]))
+    yaw = 2.0 * np.arctan2(turn[:, 3], turn[:, 0])
+    return np.unwrap(yaw) + math.atan2(rig.forward[1], rig.forward[0])
 
 
 def find_loop(clip: Clip, rig: Rig) -> tuple[int, int]:
@@ -35,23 +42,18 @@ def find_loop(clip: Clip, rig: Rig) -> tuple[int, int]:
 
     The whole clip where nothing returns. The clip may be walked in any direction.
     """
-    step = max(1, math.ceil(len(clip) / _MOST_FRAMES))
-    features = _pose_features(clip, rig)[::step]
-    shortest = max(2, math.ceil(_SHORTEST * clip.fps / step))
-    if len(features) <= shortest:
-        return 0, len(clip) - 1
-    squares = np.sum(features**2, axis=1)
-    distance = np.sqrt(np.maximum(squares[:, None] + squares - 2.0 * features @ features.T, 0.0))
-    excursion = np.maximum.accumulate(np.triu(distance), axis=1)
-    score = np.where(np.triu(np.ones_like(distance), shortest) > 0, distance, np.inf)
-    score /= np.maximum(excursion, 1e-9)
-    # Of equally good seams, the shorter cycle: a hundredth of the excursion for each second.
-    first, last = np.indices(score.shape)
-    score += 0.01 * (last - first) * step / clip.fps
-    i, j = np.unravel_index(np.argmin(score), score.shape)
-    if score[i, j] > _POOR:
-        return 0, len(clip) - 1
-    return int(i) * step, int(j) * step
+    features = _pose_features(clip, rig)
+    shortest = max(2, math.ceil(_SHORTEST * clip.fps))
+    best, ends = _POOR, (0, len(clip) - 1)
+    for first in range(0, len(clip) - shortest, max(1, math.ceil(len(clip) / _MOST_STARTS))):
+        distance = np.linalg.norm(features[first:] - features[first], axis=1)
+        score = distance / np.maximum(np.maximum.accumulate(distance), _NO_MOTION)
+        # Of equally good seams, the shorter cycle: a hundredth of the excursion for each second.
+        score += 0.01 / clip.fps * np.arange(len(score))
+        length = shortest + int(np.argmin(score[shortest:]))
+        if score[length] < best - 1e-9:
+            best, ends = float(score[length]), (first, first + length)
+    return ends
 
 
 def _pose_features(clip: Clip, rig: Rig) -> Array:
@@ -85,28 +87,46 @@ class InPlace:
 
 
 def put_in_place(clip: Clip, rig: Rig, *, close: bool = True) -> InPlace:
-    """Take the travel out of a cycle and, with `close`, spread what its seam lacks over it."""
+    """Take the travel out of a cycle and, with `close`, spread what its seam lacks over it.
+
+    A clip that says it is a loop travels and turns exactly as it does; in any other, a small turn
+    or step is taken for drift, and the velocities at the seam are joined too.
+    """
     positions, _ = clip.model_pose()
     hips, heading = positions[:, rig.hips, :2], headings(clip, rig)
     duration = max(clip.duration, 1.0 / clip.fps)
+    leg = float(rig.leg_lengths.mean())
     turn = heading[-1] - heading[0]
-    yaw_rate = 0.0 if abs(turn) < _STRAIGHT else turn / duration
-    yaw = float(np.mean(heading - yaw_rate * clip.times)) + yaw_rate * clip.times
+    straight = abs(turn) < (_AS_GIVEN if clip.loop else _STRAIGHT)
+    yaw_rate = 0.0 if straight else turn / duration
+    once = slice(0, max(len(clip) - 1, 1))  # the last frame is the first again
+    yaw = float(np.mean((heading - yaw_rate * clip.times)[once])) + yaw_rate * clip.times
     velocity = _constant_velocity(hips, yaw, yaw_rate, duration)
     speed = float(np.hypot(*velocity))
     astray = math.atan2(velocity[1], velocity[0])
-    if yaw_rate == 0.0 and speed * duration > 0.1 and abs(astray) < _FACING:
+    if straight and speed * duration < (_AS_GIVEN if clip.loop else _STAYS) * leg:
+        velocity = np.zeros(2)
+    elif straight and speed * duration > 0.12 * leg and abs(astray) < _FACING:
         yaw, velocity = yaw + astray, np.array([speed, 0.0])
-    place = _path(velocity, yaw, yaw_rate, clip.times)
-    place = place + np.mean(hips - place, axis=0)
+    place = hips[0] + _path(velocity, yaw, yaw_rate, clip.times)
+    # The root goes under the mean of the hips: an offset in its own frame, where a turning root
+    # has another velocity.
+    offset = np.mean(_turned(hips - place, -yaw)[once], axis=0)
+    place = place + _turned(np.broadcast_to(offset, place.shape), yaw)
+    velocity = velocity + yaw_rate * np.array([-offset[1], offset[0]])
     placed = _seen_from(clip, place, yaw)
-    seam = _seam(placed)
     return InPlace(
-        clip=_closed(placed) if close else placed,
+        clip=_closed(placed, join=not clip.loop) if close else placed,
         velocity=velocity,
         yaw_rate=yaw_rate,
-        seam=seam,
+        seam=_seam(placed),
     )
+
+
+def _turned(v: Array, yaw: Array) -> Array:
+    """Vectors (T, 2) turned by yaw (T,)."""
+    c, s = np.cos(yaw), np.sin(yaw)
+    return np.stack([c * v[:, 0] - s * v[:, 1], s * v[:, 0] + c * v[:, 1]], axis=-1)
 
 
 def _constant_velocity(hips: Array, yaw: Array, yaw_rate: float, duration: float) -> Array:
@@ -147,23 +167,61 @@ def _seam(clip: Clip) -> float:
     return float(np.linalg.norm(positions[-1] - positions[0], axis=-1).max())
 
 
-def _closed(clip: Clip) -> Clip:
-    """The cycle with its seam spread evenly: the last frame becomes the first one exactly."""
+def _closed(clip: Clip, *, join: bool) -> Clip:
+    """The cycle with its seam spread evenly: the last frame becomes the first one exactly.
+
+    With `join`, velocities meet there too: each end is bent, within `_BLEND`, to their mean.
+    """
     share = np.linspace(0.0, 1.0, len(clip))
-    lack = clip.root_positions[0] - clip.root_positions[-1]
-    roots = clip.root_positions + share[:, None] * lack
+    bend = _Bend(clip) if join and len(clip) > 3 else None
     first, last = clip.rotations[0], clip.rotations[-1]
-    missing = _rotvec(quat_arrays.mul(last * [1.0, -1.0, -1.0, -1.0], first))
-    rotations = quat_arrays.mul(clip.rotations, _from_rotvec(share[:, None, None] * missing))
+    missing = share[:, None, None] * _rotvec(quat_arrays.mul(quat_arrays.conj(last), first))
+    if bend is not None:
+        turns = [
+            _rotvec(quat_arrays.mul(quat_arrays.conj(q), clip.rotations)) for q in (first, last)
+        ]
+        missing += bend.correction(*turns)
+    rotations = quat_arrays.mul(clip.rotations, _from_rotvec(missing))
+    roots = _spread(clip.root_positions, share, bend)
     translations = clip.translations
     if translations is not None:
-        translations = translations + share[:, None, None] * (translations[0] - translations[-1])
-        translations[-1] = translations[0]
+        translations = _spread(translations, share, bend)
     # The ends are equal but for rounding and sign; make them equal to the bit.
-    roots[-1] = roots[0]
     sign = np.where(np.sum(rotations[-1] * rotations[0], axis=-1, keepdims=True) < 0, -1.0, 1.0)
     rotations[-1] = sign * rotations[0]
     return replace(clip, root_positions=roots, rotations=rotations, translations=translations)
+
+
+def _spread(values: Array, share: Array, bend: _Bend | None) -> Array:
+    """Values (T, ..., 3) whose last becomes the first, bit by bit."""
+    out = values + np.multiply.outer(share, values[0] - values[-1])
+    if bend is not None:
+        out += bend.correction(values, values)
+    out[-1] = out[0]
+    return out
+
+
+class _Bend:
+    """What joins the velocities at a clip's seam: nothing at both ends, half the gap in slope."""
+
+    def __init__(self, clip: Clip) -> None:
+        self._count = min(len(clip), max(3, round(0.04 * clip.fps) + 1))
+        # The slope at the first of these frames, of the parabola that fits them best.
+        self._slope = np.linalg.pinv(np.vander(np.arange(self._count) / clip.fps, 3))[1]
+        width = min(_BLEND, 0.5 * clip.duration)
+        t = clip.times
+        self._shape = _hump(t, width) + _hump(t[-1] - t, width)
+
+    def correction(self, start: Array, end: Array) -> Array:
+        """(T, ...) for values (T, ...) as told from the first frame and from the last."""
+        at_start = np.tensordot(self._slope, start[: self._count], 1)
+        at_end = -np.tensordot(self._slope, end[: -self._count - 1 : -1], 1)
+        return np.multiply.outer(self._shape, 0.5 * (at_end - at_start))
+
+
+def _hump(t: Array, width: float) -> Array:
+    """Slope 1 at 0, nothing there, and nothing at all from `width` on."""
+    return t * np.clip(1.0 - t / width, 0.0, None) ** 2
 
 
 def _rotvec(q: Array) -> Array:
