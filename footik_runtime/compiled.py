@@ -66,8 +66,8 @@ def compiled(function: _F) -> _F:
     user_choice = numba.config.CACHE_DIR
     numba.config.CACHE_DIR = str(_CACHE_DIR)  # read by Numba while it decorates
     try:
-        jit = numba.njit(cache=True, nogil=True, error_model="numpy", _nrt=False)
-        return cast(_F, jit(function))
+        options = {"cache": True, "nogil": True, "error_model": "numpy", "_nrt": False}
+        return cast(_F, numba.njit(**options)(function))
     finally:
         numba.config.CACHE_DIR = user_choice
 
