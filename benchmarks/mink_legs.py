@@ -8,6 +8,7 @@ free, and it is iterated until both ankles are within a millimetre, five times a
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -21,9 +22,12 @@ from footik_runtime.rig import Rig
 from footik_runtime.rooms import pose_rows
 
 try:
-    import mink
+    import mink as installed
 except ImportError:
-    mink = None
+    installed = None
+
+mink: Any = installed
+"""The package, or None where it is not installed."""
 
 CLOSE = 1e-3  # m
 MOST_ROUNDS = 5
@@ -59,7 +63,6 @@ class MinkLegs:
 
     def __init__(self, crowd: Crowd, builtin: bool, most: int) -> None:
         """Take the present frame of the first `most` characters, a block at most."""
-        assert mink is not None
         self._model, self._character = lone_character(crowd.motion.rig, builtin)
         self._configuration = mink.Configuration(self._model)
         rows = min(most, len(crowd.bodies), len(crowd.block.at))
@@ -121,7 +124,6 @@ class MinkLegs:
 
 def _goals(crowd: Crowd, row: int) -> list:
     """Where the ankle bodies of one character came to."""
-    assert mink is not None
     goals = []
     for foot, leg in zip(crowd.feet[row], crowd.motion.rig.legs, strict=True):
         turn = mul(foot["out_turn"], conj(leg.sole.frame))

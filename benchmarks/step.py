@@ -15,6 +15,7 @@ import time
 from collections import defaultdict
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -124,6 +125,7 @@ class MinkCase:
         self.solved = self._legs.solve()
 
     def measure(self) -> None:
+        """One round."""
         seconds = seconds_of(self._legs.solve)
         self.samples[MINK].append(seconds * 1e6 / self._legs.frames)
 
@@ -136,6 +138,7 @@ class ControllerCase:
         self.samples: Samples = defaultdict(list)
 
     def measure(self) -> None:
+        """One round, from the start of the terrain."""
         self._ik.place(np.asarray(self._ik.scene.terrain.start_w))
         for _ in range(WARM_UP):
             self._ik.step(DT)
@@ -268,10 +271,10 @@ def main(
     else:
         solved = mink_case.solved
         print(
-            f"mink {mink.__version__}: {solved.rounds:.1f} rounds a frame, "
+            f"mink {version('mink')}: {solved.rounds:.1f} rounds a frame, "
             f"{solved.missed:.0%} of the frames further off than 1 mm"
         )
-        facts["mink"] = {"version": mink.__version__, "rounds": solved.rounds}
+        facts["mink"] = {"version": version("mink"), "rounds": solved.rounds}
         facts["mink"]["missed"] = solved.missed
     if json_file is not None:
         write_whole(json_file, (json.dumps(facts, indent=1) + "\n").encode())

@@ -32,8 +32,8 @@ from footik_runtime.rooms import (
 from footik_runtime.scene import Scene
 
 ROOMS = ("sample + FK", "ask", "rays", "settle + hips", "legs", "write")
-"""What is timed, in order. sample + FK: the root moved, the pose sampled and placed. ask: what comes
-before the rays. settle + hips: hits heard, goals, hips. write: the pose to a row of qpos."""
+"""What is timed, in order. sample + FK: the root moved, the pose sampled and placed. ask: what else
+comes before the rays. settle + hips: hits heard, goals, hips. write: the pose to a row of qpos."""
 
 _clock_gettime = types.ExternalFunction("clock_gettime", types.int32(types.int32, types.intp))
 _CLOCK_ID = time.CLOCK_MONOTONIC
@@ -106,9 +106,6 @@ class TimedCrowd:
     Attributes:
         crowd: what is stepped; it must have the threads asked for.
         qpos: (C, nq) the poses.
-        rays: (N,) `PROBE`, the rays cast since `clear`, as many as `keep` of each thread.
-        cast: how many they were.
-        seconds: (rooms,) spent since `clear`, the mean of the threads.
     """
 
     def __init__(self, crowd: Crowd, scene: Scene, keep: int) -> None:
@@ -151,13 +148,16 @@ class TimedCrowd:
 
     @property
     def cast(self) -> int:
+        """How many rays were cast since `clear`."""
         return int(self._spent[:, _RAYS].sum())
 
     @property
     def rays(self) -> NDArray[np.void]:
+        """(N,) `PROBE`: those rays, as many as `keep` of each thread."""
         kept = zip(self._kept, self._spent[:, _RAYS], strict=True)
         return np.concatenate([rays[:count] for rays, count in kept])
 
     @property
     def seconds(self) -> NDArray[np.float64]:
+        """(rooms,) spent since `clear`, the mean of the threads."""
         return self._spent[:, :_RAYS].mean(axis=0) * 1e-9

@@ -56,13 +56,18 @@ _CACHE_DIR = _cache_root() / _sources_key()
 
 
 def compiled(function: _F) -> _F:
-    """Compile `function` to native code (nogil, exact float64), cached on disk between runs."""
+    """Compile `function` to native code (nogil, exact float64), cached on disk between runs.
+
+    Kernels own no memory: one that allocates does not compile. So arrays need no reference counts,
+    whose atomic operations would be a third of a frame.
+    """
     if not jit_enabled():
         return function
     user_choice = config.CACHE_DIR
     config.CACHE_DIR = str(_CACHE_DIR)  # read by Numba while it decorates
     try:
-        return cast(_F, numba.njit(cache=True, nogil=True, error_model="numpy")(function))
+        options = {"cache": True, "nogil": True, "error_model": "numpy", "_nrt": False}
+        return cast(_F, numba.njit(**options)(function))
     finally:
         config.CACHE_DIR = user_choice
 

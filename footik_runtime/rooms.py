@@ -38,7 +38,7 @@ BLOCK = 32
 
 Tables = namedtuple(
     "Tables",
-    "parents offsets order roots rotations translations timing legs settings fps cycle",
+    "parents offsets order roots rotations translations timing legs fps cycle settings",
 )
 """What all rows share; see `Motion`. order: joints whose world pose the feet need."""
 
@@ -239,8 +239,8 @@ def step_native(bodies, feet, tables, roots, locals_, block, dt, scene, caster):
     Called from Python for every frame, so it is given what Numba takes in fast: plain tuples for
     `Tables`, `Block`, `Bodies` and `Caster`, and the settings as an array (1,).
     """
-    shared, work = Tables(*tables[:8], tables[8][0], tables[9], tables[10]), Block(*block)
-    around, by = Bodies(*scene), Caster(*caster)
+    shared = Tables(*tables[:-1], tables[-1][0])  # pyright: ignore[reportCallIssue]
+    work, around, by = Block(*block), Bodies(*scene), Caster(*caster)
     rows = bodies.shape[0]
     for first in range(0, rows, BLOCK):
         last = min(first + BLOCK, rows)
