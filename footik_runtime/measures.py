@@ -12,15 +12,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from footik_runtime import quat_arrays
 from footik_runtime.errors import FootIKError
 from footik_runtime.recorded import BALL, BETWEEN_BODIES, FLAT, HEEL, Array, Bools, Run
-from footik_runtime.resample import (
-    conjugate,
-    multiply,
-    resample,
-    rotate_array,
-    rotation_vectors,
-)
+from footik_runtime.resample import resample
 
 DIFFERENCE_STEP = 1.0 / 30.0  # s; raw frame differences mostly measure noise and the sampler
 HEIGHT_TOLERANCE = 0.005  # m
@@ -206,8 +201,8 @@ def jitter(run: Run) -> float:
 def mean_angle_change(run: Run, reference: Run) -> float:
     """Mean angle between the leg joints' local rotations and the reference's, degrees."""
     require_same(run, reference, "leg_rotations")
-    turns = multiply(conjugate(reference.leg_rotations), run.leg_rotations)
-    return math.degrees(_mean(np.linalg.norm(rotation_vectors(turns), axis=-1)))
+    turns = quat_arrays.mul(quat_arrays.conj(reference.leg_rotations), run.leg_rotations)
+    return math.degrees(_mean(np.linalg.norm(quat_arrays.to_rotvec(turns), axis=-1)))
 
 
 def mean_joint_error(run: Run, reference: Run) -> float:
@@ -241,8 +236,8 @@ def _ground_steps(run: Run, points: Array) -> Array:
     """
     axes = (slice(None),) * 2 + (None,) * (points.ndim - 3)
     turns = run.ground_rotations[axes]
-    local = rotate_array(conjugate(turns), points - run.ground_positions[axes])
-    steps = rotate_array(turns[:-1], np.diff(local, axis=0))
+    local = quat_arrays.rotate(quat_arrays.conj(turns), points - run.ground_positions[axes])
+    steps = quat_arrays.rotate(turns[:-1], np.diff(local, axis=0))
     return np.where(_on_one_body(run)[axes][..., None], steps, math.nan)
 
 
@@ -303,8 +298,8 @@ def _angular_accelerations(run: Run) -> Array:
     step = _difference_frames(run)
     if len(run) <= 2 * step:
         return np.zeros((0, *run.leg_rotations.shape[1:3]))
-    turns = multiply(run.leg_rotations[step:], conjugate(run.leg_rotations[:-step]))
-    speeds = rotation_vectors(turns) * (run.fps / step)
+    turns = quat_arrays.mul(run.leg_rotations[step:], quat_arrays.conj(run.leg_rotations[:-step]))
+    speeds = quat_arrays.to_rotvec(turns) * (run.fps / step)
     return np.linalg.norm(speeds[step:] - speeds[:-step], axis=-1) * (run.fps / step)
 
 

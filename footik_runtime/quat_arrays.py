@@ -106,3 +106,20 @@ def _from_matrix(m: Array) -> Array:
     squares = np.sum(candidates * candidates, axis=-1)
     best = np.argmax(squares, axis=-1)
     return unit(np.take_along_axis(candidates, best[..., None, None], axis=-2)[..., 0, :])
+
+
+def to_rotvec(q: ArrayLike) -> Array:
+    """Axis times angle (..., 3), radians, by the short way, of unit quaternions."""
+    q = np.asarray(q, dtype=np.float64)
+    short = q * np.where(q[..., :1] < 0.0, -1.0, 1.0)
+    sine = np.linalg.norm(short[..., 1:], axis=-1, keepdims=True)
+    small = sine < 1e-9
+    angle = 2.0 * np.arctan2(sine, short[..., :1])
+    return short[..., 1:] * np.where(small, 2.0, angle / np.where(small, 1.0, sine))
+
+
+def from_rotvec(v: ArrayLike) -> Array:
+    """The rotations by |v| radians about v."""
+    v = np.asarray(v, dtype=np.float64)
+    angle = np.linalg.norm(v, axis=-1, keepdims=True)
+    return np.concatenate([np.cos(angle / 2), 0.5 * np.sinc(angle / (2 * np.pi)) * v], axis=-1)

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from footik_runtime.errors import FootIKError
+from footik_runtime.quat_arrays import conj, rotate
 from footik_runtime.recorded import BETWEEN_BODIES, SWING, Array, Bools, Ints, Run
 
 GroundHeight = Callable[[Array, Array], ArrayLike]
@@ -171,8 +172,8 @@ def _resampled_feet(run: Run, grid: _Grid) -> tuple[dict[str, NDArray], dict[str
     for name in ("ankle", "toe", "sole"):
         points = getattr(run, name)
         axes = (slice(None),) * 2 + (None,) * (points.ndim - 3)
-        local = rotate_array(conjugate(turns[axes]), points - places[axes])
-        carried = new_places[axes] + rotate_array(new_turns[axes], _cubic(grid, local, corners))
+        local = rotate(conj(turns[axes]), points - places[axes])
+        carried = new_places[axes] + rotate(new_turns[axes], _cubic(grid, local, corners))
         # From one body to another there is no frame to ride in: cross in the world.
         feet[name] = np.where(one_body[axes], carried, _cubic(grid, points, corners))
     bodies = {
@@ -216,31 +217,3 @@ def _resampled_ground(
     if heights.shape != times.shape:
         raise FootIKError(f"ground_height must return {times.shape} heights, not {heights.shape}.")
     return heights.reshape(sole.shape[:-1])
-
-
-def conjugate(rotations: Array) -> Array:
-    """The inverses of unit quaternions (..., 4)."""
-    return rotations * np.array([1.0, -1.0, -1.0, -1.0])
-
-
-def rotate_array(rotations: Array, vectors: Array) -> Array:
-    """Vectors (..., 3) turned by unit quaternions (..., 4)."""
-    axis = rotations[..., 1:]
-    twice = 2.0 * np.cross(axis, vectors)
-    return vectors + rotations[..., :1] * twice + np.cross(axis, twice)
-
-
-def multiply(a: Array, b: Array) -> Array:
-    """Rotations (..., 4) that apply b, then a."""
-    w = a[..., :1] * b[..., :1] - np.sum(a[..., 1:] * b[..., 1:], axis=-1, keepdims=True)
-    v = a[..., :1] * b[..., 1:] + b[..., :1] * a[..., 1:] + np.cross(a[..., 1:], b[..., 1:])
-    return np.concatenate([w, v], axis=-1)
-
-
-def rotation_vectors(rotations: Array) -> Array:
-    """Axis times angle (..., 3), radians, by the short way, of unit quaternions (..., 4)."""
-    short = rotations * np.where(rotations[..., :1] < 0.0, -1.0, 1.0)
-    sine = np.linalg.norm(short[..., 1:], axis=-1, keepdims=True)
-    small = sine < 1e-9
-    angle = 2.0 * np.arctan2(sine, short[..., :1])
-    return short[..., 1:] * np.where(small, 2.0, angle / np.where(small, 1.0, sine))

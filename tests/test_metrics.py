@@ -12,8 +12,10 @@ from hypothesis import strategies as st
 
 from footik_runtime import metrics as m
 from footik_runtime.errors import FootIKError
+from footik_runtime.quat_arrays import mul as multiply
+from footik_runtime.quat_arrays import rotate as rotate_array
 from footik_runtime.recorded import Run
-from footik_runtime.resample import multiply, resample, rotate_array
+from footik_runtime.resample import resample
 
 SWING, HEEL, FLAT, BALL = range(4)
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from footik_runtime import quat_arrays
 from footik_runtime.clip import Clip
+from footik_runtime.quat_arrays import conj, from_rotvec, mul, rotate, to_rotvec
 from footik_runtime.rig import Rig
 
 Array = NDArray[np.float64]
@@ -32,7 +32,7 @@ def headings(clip: Clip, rig: Rig) -> Array:
     """
     _, rest = rig.skeleton.rest_pose()
     _, rotations = clip.model_pose()
-    turn = quat_arrays.mul(rotations[:, rig.hips], quat_arrays.conj(rest[rig.hips]))
+    turn = mul(rotations[:, rig.hips], conj(rest[rig.hips]))
     yaw = 2.0 * np.arctan2(turn[:, 3], turn[:, 0])
     return np.unwrap(yaw) + math.atan2(rig.forward[1], rig.forward[0])
 
@@ -62,7 +62,7 @@ def _pose_features(clip: Clip, rig: Rig) -> Array:
     back = -headings(clip, rig)
     turn = np.stack([np.cos(back / 2), 0 * back, 0 * back, np.sin(back / 2)], axis=-1)
     hips = positions[:, rig.hips] * [1.0, 1.0, 0.0]
-    local = quat_arrays.rotate(turn[:, None], positions - hips[:, None])
+    local = rotate(turn[:, None], positions - hips[:, None])
     velocity = np.gradient(local, axis=0) * clip.fps if len(local) > 1 else 0.0 * local
     leg = float(rig.leg_lengths.mean())
     both = np.concatenate([local, 0.15 * velocity], axis=1) / leg
@@ -152,10 +152,10 @@ def _seen_from(clip: Clip, place: Array, yaw: Array) -> Clip:
     back = np.stack([np.cos(yaw / 2), 0 * yaw, 0 * yaw, -np.sin(yaw / 2)], axis=-1)
     moved = clip.root_positions - np.concatenate([place, 0 * place[:, :1]], axis=-1)
     rotations = clip.rotations.copy()
-    rotations[:, 0] = quat_arrays.mul(back, rotations[:, 0])
+    rotations[:, 0] = mul(back, rotations[:, 0])
     return replace(
         clip,
-        root_positions=quat_arrays.rotate(back, moved),
+        root_positions=rotate(back, moved),
         rotations=rotations,
         loop=True,
         extras={},
@@ -175,13 +175,11 @@ def _closed(clip: Clip, *, join: bool) -> Clip:
     share = np.linspace(0.0, 1.0, len(clip))
     bend = _Bend(clip) if join and len(clip) > 3 else None
     first, last = clip.rotations[0], clip.rotations[-1]
-    missing = share[:, None, None] * _rotvec(quat_arrays.mul(quat_arrays.conj(last), first))
+    missing = share[:, None, None] * to_rotvec(mul(conj(last), first))
     if bend is not None:
-        turns = [
-            _rotvec(quat_arrays.mul(quat_arrays.conj(q), clip.rotations)) for q in (first, last)
-        ]
+        turns = [to_rotvec(mul(conj(q), clip.rotations)) for q in (first, last)]
         missing += bend.correction(*turns)
-    rotations = quat_arrays.mul(clip.rotations, _from_rotvec(missing))
+    rotations = mul(clip.rotations, from_rotvec(missing))
     roots = _spread(clip.root_positions, share, bend)
     translations = clip.translations
     if translations is not None:
@@ -222,15 +220,3 @@ class _Bend:
 def _hump(t: Array, width: float) -> Array:
     """Slope 1 at 0, nothing there, and nothing at all from `width` on."""
     return t * np.clip(1.0 - t / width, 0.0, None) ** 2
-
-
-def _rotvec(q: Array) -> Array:
-    q = np.where(q[..., :1] < 0.0, -q, q)
-    s = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
-    angle = 2.0 * np.arctan2(s, q[..., :1])
-    return q[..., 1:] * np.where(s < 1e-9, 2.0, angle / np.maximum(s, 1e-9))
-
-
-def _from_rotvec(v: Array) -> Array:
-    angle = np.linalg.norm(v, axis=-1, keepdims=True)
-    return np.concatenate([np.cos(angle / 2), 0.5 * np.sinc(angle / (2 * np.pi)) * v], axis=-1)
