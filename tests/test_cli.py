@@ -28,7 +28,7 @@ def walk_bvh(tmp_path_factory) -> Path:
     return path
 
 
-def run(monkeypatch, capsys, *arguments: str) -> tuple[int, str, str]:
+def run(monkeypatch, capsys, *arguments: str | Path) -> tuple[int, str, str]:
     monkeypatch.setattr(sys, "argv", ["footik", *map(str, arguments)])
     code = 0
     try:

@@ -18,7 +18,7 @@ from footik_runtime.skeleton import Skeleton
 def chain(joints: int = 3) -> Skeleton:
     return Skeleton(
         names=tuple(f"j{i}" for i in range(joints)),
-        parents=np.arange(-1, joints - 1),
+        parents=np.arange(-1, joints - 1, dtype=np.int32),
         offsets=np.tile([0.0, 0.0, 1.0], (joints, 1)),
     )
 
