@@ -526,8 +526,12 @@ def watch_ground(foot, told, hit, leg, dt, settings, bodies_at, bodies_turn):
 
 
 @compiled
-def settle(foot, told, leg, hits, dt, settings, bodies_at, bodies_turn):
-    """Hear this frame's hits (PROBES,), make the transitions they bring, and write the goal."""
+def settle(foot, told, leg, hits, may_set_out, dt, settings, bodies_at, bodies_turn):
+    """Hear this frame's hits (PROBES,), make the transitions they bring, and write the goal.
+
+    `may_set_out`: no other foot began a bump stride in this frame. Feet ask before any is answered,
+    so both may have asked at once.
+    """
     asked = foot["plan"] == ASKED
     if asked:
         hear_foothold(foot, told, hits, leg, settings, bodies_at, bodies_turn)
@@ -543,26 +547,49 @@ def settle(foot, told, leg, hits, dt, settings, bodies_at, bodies_turn):
     else:
         watch_ground(foot, told, hits[0], leg, dt, settings, bodies_at, bodies_turn)
         if foot["state"] == GROUNDED and asked and foot["plan"] == PLANNED:
-            bump_to_plan(foot, told, leg, dt, settings, bodies_at, bodies_turn)
+            bump_to_plan(foot, told, leg, may_set_out, dt, settings, bodies_at, bodies_turn)
     write_goal(foot, told, leg, settings, bodies_at, bodies_turn)
 
 
 @compiled
-def bump_to_plan(foot, told, leg, dt, settings, bodies_at, bodies_turn):
+def bump_to_plan(foot, told, leg, may_set_out, dt, settings, bodies_at, bodies_turn):
     """Step to the planned foothold, or, in a bump stride already, move its target there."""
     under_way = foot["bump"] == 1 and foot["stride_age"] < foot["stride_time"]
     if not under_way:
-        start_stride(foot, 1, 0.0, settings["stride_time"])
+        if may_set_out:
+            carry_over_lift(foot, settings["stride_time"], dt)
+            start_stride(foot, 1, 0.0, settings["stride_time"])
         return
     set3(foot["hold"], get3(foot["land"]))
     set4(foot["hold_turn"], get4(foot["land_turn"]))
     foot["floor"], foot["body"], foot["watched"] = foot["land_floor"], foot["land_body"], 0
+    now, _ = grounded_pose(
+        foot, told, get3(told["ankle"]), get4(told["turn"]), told["root_z"], leg, settings,
+        bodies_at, bodies_turn,
+    )  # fmt: skip
+    age = foot["stride_age"]
+    foot["stride_age"] = max(age - dt, 0.0)
     base, base_turn = grounded_pose(
         foot, told, get3(foot["anim"]), get4(foot["anim_turn"]), foot["root_z"], leg, settings,
         bodies_at, bodies_turn,
     )  # fmt: skip
-    left = foot["stride_time"] - foot["stride_age"]
-    carry_over(foot, get3(foot["out"]), (0.0, 0.0, 0.0), base, base_turn, left, dt)
+    foot["stride_age"] = age
+    # A foot under way keeps its speed: it would stop for a frame at every new target otherwise.
+    speed = scale(sub(now, base), 1.0 / dt if dt > 0.0 else 0.0)
+    speed = sub(get3(foot["out_speed"]), speed)
+    carry_over(foot, get3(foot["out"]), speed, base, base_turn, foot["stride_time"] - age + dt, dt)
+
+
+@compiled
+def carry_over_lift(foot, duration, dt):
+    """Carry over what the leg made of the last goal, such as a lifted heel, into a bump stride.
+
+    Both are of the same frame, so that nothing is carried over from ground that moves.
+    """
+    offset, twist = with_offset(foot, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
+    base = sub(get3(foot["goal"]), offset)
+    base_turn = quat_mul(quat_conj(twist), get4(foot["goal_turn"]))
+    carry_over(foot, get3(foot["out"]), (0.0, 0.0, 0.0), base, base_turn, duration, dt)
 
 
 @compiled

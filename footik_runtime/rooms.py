@@ -102,6 +102,15 @@ def others_locked(feet, i):
 
 
 @compiled
+def none_sets_out(feet, i):
+    """Whether no foot of this character but the i-th begins a bump stride in this very frame."""
+    for k in range(feet.shape[0]):
+        if k != i and feet[k]["bump"] and feet[k]["stride_age"] == 0.0:
+            return False
+    return True
+
+
+@compiled
 def ask_row(body, feet, tables, at, turn, told, probes, dt, scene):
     """Ask every probe of one character: its root's first, then PROBES of each foot."""
     ask_root(body, dt, probes[0], tables.settings)
@@ -125,8 +134,8 @@ def settle_row(body, feet, tables, at, told, hits, dt, scene):
         leg = tables.legs[i]
         first = 1 + i * PROBES
         settle(
-            feet[i], told[i], leg, hits[first : first + PROBES], dt, tables.settings,
-            scene.at, scene.turn,
+            feet[i], told[i], leg, hits[first : first + PROBES], none_sets_out(feet, i), dt,
+            tables.settings, scene.at, scene.turn,
         )  # fmt: skip
         timing = tables.timing[body["frame"], i]
         next_hip = ahead_of(body, get3(timing["hip"]), max(told[i]["to_plant"], 0.0))
