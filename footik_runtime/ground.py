@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from footik_runtime.compiled import compiled, jit_enabled
 from footik_runtime.errors import FootIKError
-from footik_runtime.math3d import add, add_scaled, dot, get3, set3
+from footik_runtime.math3d import TINY, add, add_scaled, dot, get3, norm, set3
 from footik_runtime.probes import HIT, PROBE, set_miss
 
 Array = NDArray[np.float64]
@@ -99,7 +99,8 @@ def cast_native(model, data, groups, geom_body, probes, hits, numbers, geom_id):
     """Cast active probes (N,) into hits (N,); model and data are addresses.
 
     `numbers` (9,) float64 and `geom_id` (1,) int32 are scratch. Faces that look along the ray are
-    passed through: a ray that starts inside a box does not see that box.
+    passed through: a ray that starts inside a box does not see that box. A ray without direction
+    is a miss: MuJoCo would end the process.
     """
     origin, direction, normal = numbers[0:3], numbers[3:6], numbers[6:9]
     for i in range(probes.shape[0]):
@@ -108,6 +109,8 @@ def cast_native(model, data, groups, geom_body, probes, hits, numbers, geom_id):
             continue
         set_miss(hit)
         set3(direction, get3(probe["direction"]))
+        if not norm(get3(direction)) > TINY:
+            continue
         travelled = 0.0
         for _ in range(_MOST_BACK_FACES):
             start = add_scaled(get3(probe["origin"]), get3(probe["direction"]), travelled)
@@ -146,6 +149,8 @@ def _cast_through_python(
         if not probe["active"]:
             continue
         set_miss(hit)
+        if not norm(get3(probe["direction"])) > TINY:
+            continue
         travelled = 0.0
         for _ in range(_MOST_BACK_FACES):
             start = add_scaled(get3(probe["origin"]), get3(probe["direction"]), travelled)

@@ -7,6 +7,9 @@ import math
 from footik_runtime.compiled import compiled
 from footik_runtime.math3d import add_scaled, clamp, norm, scale
 
+_SHORTEST = 1e-9  # s: a half-life below it is none, and its frequency would overflow
+_OVER = 700.0  # radians of a spring's phase after which nothing is left of any distance
+
 
 @compiled
 def smooth_step(t):
@@ -43,7 +46,7 @@ def decayed(offset, velocity, age, duration):
 def limited_velocity(offset, velocity, duration):
     """The velocity cut so that a decaying offset overshoots by little: |v| <= 4 |x| / T + rest.
 
-    What the offset is too small for would swing far to the other side; 0.2 m/s always remains.
+    What the offset is too small for would swing far to the other side; 1.5 m/s always remains.
     """
     speed = norm(velocity)
     most = 4.0 * norm(offset) / max(duration, 1e-6) + 1.5
@@ -57,9 +60,11 @@ def spring(value, velocity, target, half_life, dt):
     `half_life` is the time in which a resting spring loses half of a constant distance, to about
     its slow tail: frequency = 1.678 / half_life. Any dt from 0 up; half_life 0 jumps.
     """
-    if half_life <= 0.0:
+    if half_life < _SHORTEST:
         return target, 0.0
     frequency = 1.67835 / half_life
+    if frequency * dt > _OVER:
+        return target, 0.0
     away = value - target
     pull = velocity + frequency * away
     fade = math.exp(-frequency * dt)

@@ -108,7 +108,9 @@ class FootIKSettings:
             raise unknown_name("behaviour", str(self.behaviour), ("default", "openkcc"))
         for name, (low, high) in _RANGES.items():
             value = getattr(self, name)
-            if not (isinstance(value, (int, float)) and low <= value <= high):
+            if not (
+                isinstance(value, (int, float, np.integer, np.floating)) and low <= value <= high
+            ):
                 raise FootIKError(f"setting {name} must be in [{low:g}, {high:g}], not {value!r}.")
         if self.behaviour == "default" and not self.weight_off < self.weight_on:
             raise FootIKError(

@@ -67,6 +67,9 @@ class Skeleton:
         if not np.isfinite(self.offsets).all():
             bad = self.names[int(np.argwhere(~np.isfinite(self.offsets))[0, 0])]
             raise FootIKError(f"the offset of joint {bad!r} is not finite.")
+        if not np.isfinite(rest).all():
+            bad = self.names[int(np.argwhere(~np.isfinite(rest))[0, 0])]
+            raise FootIKError(f"the rest rotation of joint {bad!r} is not finite.")
 
     def __len__(self) -> int:
         return len(self.names)
@@ -93,6 +96,11 @@ class Skeleton:
             line.append(int(self.parents[line[-1]]))
         return line
 
+    @staticmethod
+    def _require_shape(what: str, value: Array, shape: tuple[int, ...]) -> None:
+        if np.shape(value) != shape:
+            raise FootIKError(f"{what} must be {shape}, not {np.shape(value)}.")
+
     def rest_pose(self) -> tuple[Array, Array]:
         """Rest positions (J, 3) and rotations (J, 4) in the model frame."""
         positions, rotations = self.forward(self.rest_rotations[None], self.offsets[0][None])
@@ -110,10 +118,18 @@ class Skeleton:
 
         Returns:
             Positions (N, J, 3) and rotations (N, J, 4), in the frame the root is given in.
+
+        Raises:
+            FootIKError: an array of another shape.
         """
         rotations = np.ascontiguousarray(rotations, dtype=np.float64)
-        frames = rotations.shape[0]
+        frames = len(rotations)
         moves = np.zeros((0, len(self), 3)) if translations is None else translations
+        # Compiled code would read past the end of an array that is too short.
+        self._require_shape("rotations", rotations, (frames, len(self), 4))
+        self._require_shape("root_positions", root_positions, (frames, 3))
+        if translations is not None:
+            self._require_shape("translations", translations, (frames, len(self), 3))
         out_positions = np.empty((frames, len(self), 3))
         out_rotations = np.empty((frames, len(self), 4))
         _forward_frames(
