@@ -1,4 +1,4 @@
-"""The built-in character in MuJoCo, frame by frame: it stands, turns, is dragged away, and walks."""
+"""The built-in character in MuJoCo, frame by frame: stands, turns, is dragged away, walks."""
 
 from __future__ import annotations
 
