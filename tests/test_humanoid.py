@@ -7,12 +7,9 @@ import numpy as np
 import pytest
 from simulated import DT, run, soles, stand_on
 
-from footik_runtime.builtin import HUMANOID
 from footik_runtime.errors import FootIKError
 from footik_runtime.humanoid import HumanoidFootIK, steer_along
 from footik_runtime.motion import Motion
-from footik_runtime.scene import Scene
-from footik_runtime.settings import FootIKSettings
 from footik_runtime.terrain.even import Flat
 from footik_runtime.walk import record_walk
 
@@ -36,7 +33,7 @@ def test_a_standing_foot_tells_what_it_does(standing: HumanoidFootIK) -> None:
     assert print_w is not None
     assert print_w[2] == pytest.approx(0.0, abs=1e-9)
     height = standing.scene.motion.rig.legs[0].sole.height
-    assert foot.goal_w == pytest.approx(print_w + [0.0, 0.0, height], abs=1e-6)
+    assert foot.goal_w == pytest.approx(print_w + np.array([0.0, 0.0, height]), abs=1e-6)
     assert foot.ankle_w == pytest.approx(foot.goal_w, abs=1e-5)
     assert np.linalg.norm(foot.goal_rotation_w) == pytest.approx(1.0)
 
@@ -185,14 +182,16 @@ def test_a_ball_in_the_way_is_pushed_by_a_foot(walk: Motion) -> None:
     model, data = ik.scene.model, ik.scene.data
     feet = [i for leg in ik.scene.motion.rig.legs for i in (leg.ankle, leg.toe)]
     bodies = {int(ik.scene.character.bodies[i]) for i in feet}
+    model.opt.timestep = DT / 4.0
     touched: set[int] = set()
     for _ in range(150):
         ik.step(DT)
         character = data.qpos[ik.scene.character.qpos_address[0] :][:3].copy()
-        mujoco.mj_step(model, data)
-        for contact in data.contact[: data.ncon]:
-            pair = {int(b) for b in model.geom_bodyid[list(contact.geom)]}
-            touched |= pair if model.body("ball").id in pair else set()
+        for _ in range(4):
+            mujoco.mj_step(model, data)
+            for contact in data.contact[: data.ncon]:
+                pair = {int(b) for b in model.geom_bodyid[list(contact.geom)]}
+                touched |= pair if model.body("ball").id in pair else set()
         assert np.isfinite(data.qpos).all()
         # What the foot does to the ball does not carry the character away.
         assert data.qpos[ik.scene.character.qpos_address[0] :][:3] == pytest.approx(

@@ -1,11 +1,11 @@
-"""The built-in character in MuJoCo, frame by frame: it stands, turns, is dragged away, and walks."""
+"""The built-in character in MuJoCo, frame by frame: standing, turning, dragged away, anything."""
 
 from __future__ import annotations
 
 import mujoco
 import numpy as np
 import pytest
-from simulated import DT, Array, largest_step, over_ground, run, soles, stand_on
+from simulated import DT, Taken, largest_step, over_ground, run, soles, stand_on
 
 from footik_runtime.builtin import HUMANOID
 from footik_runtime.compiled import jit_enabled
@@ -19,7 +19,7 @@ from footik_runtime.terrain.even import Flat, Ledge
 FLAT = Flat(length=60.0)
 
 
-def held_step(taken: dict[str, Array]) -> float:
+def held_step(taken: Taken) -> float:
     """Largest way of a held sole point between two frames in which it is held, m."""
     feet, points = taken["feet"], taken["soles"]
     worst = 0.0
@@ -31,7 +31,7 @@ def held_step(taken: dict[str, Array]) -> float:
     return worst
 
 
-def set_outs(taken: dict[str, Array]) -> list[tuple[int, int]]:
+def set_outs(taken: Taken) -> list[tuple[int, int]]:
     """(frame, foot) in which a bump stride begins."""
     begins = np.diff(taken["feet"]["bump"], axis=0) > 0
     return [(int(t) + 1, int(foot)) for t, foot in zip(*np.nonzero(begins), strict=True)]
