@@ -194,9 +194,9 @@ def test_ray_that_starts_inside_hits_what_is_under_it_with_the_whole_way_told(sc
 
 def test_length_counts_from_the_origin_through_what_was_passed(scene):
     ground = SceneGround(*scene)
-    inside = [[3.0, 0.0, 0.3]]
-    assert answered(ground, rays(inside, length=0.31))["hit"][0] == 1
-    assert answered(ground, rays(inside, length=0.29))["hit"][0] == 0
+    inside = [[-3.0, -3.0, 0.5]]  # in the lift's deck, whose bottom is at 0.4
+    assert answered(ground, rays(inside, length=0.51))["hit"][0] == 1
+    assert answered(ground, rays(inside, length=0.49))["hit"][0] == 0
 
 
 def test_every_normal_faces_its_ray_and_every_point_lies_on_it(scene):

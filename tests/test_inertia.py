@@ -136,6 +136,12 @@ def test_spring_is_finite_at_any_half_life_and_step(value, speed, target, half_l
     assert np.isfinite(spring(value, speed, target, half_life, dt)).all()
 
 
+@pytest.mark.parametrize("dt", [1e3, 1e300, math.inf])
+@pytest.mark.parametrize("half_life", [1e-9, 1e-6, 0.1])
+def test_spring_of_far_and_fast_is_at_rest_on_its_target_after_ages(half_life, dt):
+    assert spring(1e9, 1e9, 3.0, half_life, dt) == pytest.approx((3.0, 0.0))
+
+
 @pytest.mark.parametrize("half_life", [5e-324, 1e-300, 1e-160, 1e-12, 0.0])
 def test_spring_too_short_to_be_seen_jumps(half_life):
     for dt in (0.0, 1e-3, 1e3):

@@ -369,6 +369,17 @@ def test_a_straight_leg_bends_to_its_hinges_side_however_it_stands(turn, share):
         assert np.allclose(end, goal, atol=1e-9)
 
 
+def test_the_hinge_takes_over_smoothly_from_a_knee_bent_aside():
+    hip, ankle, goal = (0.0, 0.0, 0.84), NONE, (0.0, 0.0, 0.3)
+    last = None
+    for off in np.linspace(0.0, 0.03 * 0.84, 1001).tolist():
+        knee, _, _ = solved(hip, (0.0, off, 0.42), ankle, goal, 0.83)
+        assert last is None or angle_between((knee[0], knee[1], 0.0), last) < 0.01
+        last = (knee[0], knee[1], 0.0)
+    assert last is not None
+    assert angle_between(last, LEFT) < 1e-6  # bent well, it keeps to its own plane
+
+
 def test_a_leg_straightens_and_bends_again_without_a_jump():
     hips = np.linspace(0.80, 0.84, 2001)  # through the length at which the hinge takes over
     last = None
@@ -402,6 +413,20 @@ def test_shortfall_is_exact():
     assert shortfall((0.0, 0.0, 0.4), (0.3, 0.0, 0.0), 0.5) == pytest.approx(0.0, abs=1e-12)
     assert shortfall((0.0, 0.0, 0.2), (0.0, 0.0, 0.9), 0.5) == 0.0  # a goal over the hip
     assert shortfall((0.0, 0.0, 1.0), (9.0, 0.0, 0.25), 0.5) == 0.75  # too far aside
+
+
+@settings(deadline=None)
+@given(st.floats(-0.08, 0.08), st.floats(0.86, 1.0), st.floats(0.8, 0.95))
+def test_a_heel_lift_about_an_axis_askew_brings_the_ankle_in_reach(aside, height, reach):
+    hip, goal = (0.1, 0.1, height), (0.0, aside, 0.1)
+    angle = heel_lift(hip, goal, BALL, LEFT, reach)
+    lifted = [
+        norm(sub(add(BALL, rotate(quat_axis_angle(LEFT, a), sub(goal, BALL))), hip))
+        for a in (angle, *np.linspace(0.0, math.pi, 400).tolist())
+    ]
+    assert lifted[0] <= max(reach, min(lifted[1:])) + 1e-9
+    if angle > 0.0 and min(lifted[1:]) < reach:
+        assert lifted[0] == pytest.approx(reach, abs=1e-7)
 
 
 @settings(deadline=None)

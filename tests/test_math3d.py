@@ -65,8 +65,9 @@ def test_shortest_arc_turns_one_direction_into_the_other(a, b):
     assume(np.linalg.norm(b) > 1e-3)
     q = m.quat_between(a, b)
     turned = np.array(m.rotate(q, a)) / np.linalg.norm(a)
-    np.testing.assert_allclose(turned, np.array(b) / np.linalg.norm(b), atol=1e-6)
-    assert np.linalg.norm(m.quat_to_rotvec(q)) == pytest.approx(m.angle_between(a, b), abs=1e-6)
+    # Within 1.4e-6 rad of half a turn it is half a turn.
+    np.testing.assert_allclose(turned, np.array(b) / np.linalg.norm(b), atol=2e-6)
+    assert np.linalg.norm(m.quat_to_rotvec(q)) == pytest.approx(m.angle_between(a, b), abs=2e-6)
 
 
 @given(vector)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import FrozenInstanceError, fields
 
 import numpy as np
@@ -10,7 +11,6 @@ import pytest
 
 from footik_runtime.errors import FootIKError
 from footik_runtime.settings import (
-    _LENGTHS,
     _RANGES,
     SETTINGS,
     STANDARD_LEG,
@@ -110,7 +110,9 @@ def test_every_length_scales_and_nothing_else_does():
     settings = FootIKSettings()
     small, large = settings.record(STANDARD_LEG), settings.record(3.0 * STANDARD_LEG)
     scaled = {n for n in SETTINGS.names or () if n != "size" and small[n] and large[n] != small[n]}
-    assert scaled == set(_LENGTHS)
+    metres = re.findall(r"^ +(\w+): (?:openkcc only: )?m\b", FootIKSettings.__doc__ or "", re.M)
+    assert len(metres) > 8
+    assert scaled == set(metres)
     for name in scaled:
         assert small[name] == getattr(settings, name)
         assert large[name] == pytest.approx(3.0 * small[name])
