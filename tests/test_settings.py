@@ -11,7 +11,7 @@ import pytest
 
 from footik_runtime.errors import FootIKError
 from footik_runtime.settings import (
-    _RANGES,
+    RANGES,
     SETTINGS,
     STANDARD_LEG,
     FootIKSettings,
@@ -77,9 +77,9 @@ def test_presets_are_what_they_say():
     assert FootIKSettings.preset("openkcc").behaviour == "openkcc"
 
 
-@pytest.mark.parametrize("name", [n for n in _RANGES if not n.startswith("weight")])
+@pytest.mark.parametrize("name", [n for n in RANGES if not n.startswith("weight")])
 def test_every_setting_takes_its_ends_and_nothing_beyond(name):
-    for end, beyond in zip(_RANGES[name], (-1e-3, 1e-3), strict=True):
+    for end, beyond in zip(RANGES[name], (-1e-3, 1e-3), strict=True):
         assert getattr(FootIKSettings().changed(**{name: end}), name) == end
         with pytest.raises(FootIKError, match=f"setting {name} must be in"):
             FootIKSettings().changed(**{name: end + beyond})
@@ -90,7 +90,7 @@ def test_every_setting_takes_its_ends_and_nothing_beyond(name):
 
 def test_every_default_lies_within_its_range():
     for settings in (FootIKSettings(), FootIKSettings.openkcc()):
-        for name, (low, high) in _RANGES.items():
+        for name, (low, high) in RANGES.items():
             assert low <= getattr(settings, name) <= high
 
 
@@ -121,7 +121,7 @@ def test_every_length_scales_and_nothing_else_does():
 
 def test_every_angle_is_named_in_degrees_and_kept_in_radians():
     settings, record = FootIKSettings(), FootIKSettings().record(2.0)
-    angles = [n for n in _RANGES if n.endswith("_deg")]
+    angles = [n for n in RANGES if n.endswith("_deg")]
     assert len(angles) >= 4
     for name in angles:
         assert record[name.removesuffix("_deg")] == math.radians(getattr(settings, name))
