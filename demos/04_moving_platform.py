@@ -11,7 +11,7 @@ from footik_runtime.builtin import HUMANOID, builtin_motion
 from footik_runtime.terrain import Flat, Platform, Terrain
 
 slab = Platform(length=4.0, travel=(0.0, 0.0), turn_deg=60.0, lift=0.1, period=4.0)
-terrain = Terrain(name="turntable", pieces=(Flat(length=2.0), slab))
+terrain = Terrain(name="turntable", pieces=(Flat(length=5.0), slab))
 scene = footik.Scene.build(builtin_motion("idle"), terrain, body=HUMANOID)
 body = next(b for b in range(scene.model.nbody) if scene.model.body_mocapid[b] >= 0)
 walker = footik.HumanoidFootIK(scene)
