@@ -1,9 +1,11 @@
 """Read feet while walking along a path: when each lands, on what, what is held, when it leaves."""
 
+import numpy as np
+
 import footik_runtime as footik
 from footik_runtime.builtin import HUMANOID, builtin_motion
 
-PATH = [(0.0, 0.0), (3.0, 0.0), (5.0, 1.5)]  # points on the ground, m
+PATH = np.array([(0.0, 0.0), (3.0, 0.0), (5.0, 1.5)])  # points on the ground, m
 
 scene = footik.Scene.build(builtin_motion("walk"), "course", body=HUMANOID)
 walker = footik.HumanoidFootIK(scene)

@@ -14,7 +14,7 @@ import footik_runtime  # noqa: E402
 
 project = "footik_runtime"
 author = "the footik_runtime authors"
-copyright = author  # noqa: A001
+copyright = author
 version = release = footik_runtime.__version__
 
 extensions = ["sphinx.ext.autodoc", "sphinx.ext.napoleon", "myst_parser", "footik_tables"]

@@ -4,6 +4,8 @@ settings-table: every field of FootIKSettings. measures-table: every row of MEAS
 names-table: every public name. command-help COMMAND: what `footik COMMAND --help` prints.
 """
 
+# ruff: noqa: D102 - what directives override is documented by Sphinx
+
 from __future__ import annotations
 
 import contextlib
