@@ -205,9 +205,10 @@ class HumanoidFootIK:
 
     def _write(self, dt: float) -> None:
         model, data, character = self.scene.model, self.scene.data, self.scene.character
-        self._qpos[:] = data.qpos
         character.write_pose(data, self.crowd.roots[0], self.crowd.rotations[0])
+        # From the pose written last, not from what mj_step made of it since.
         character.write_pose_velocity(model, data, self._qpos, dt)
+        self._qpos[:] = data.qpos
         mujoco.mj_kinematics(model, data)
 
 

@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 from simulated import DT, run, soles, stand_on
 
+from footik_runtime.builtin import HUMANOID
 from footik_runtime.errors import FootIKError
 from footik_runtime.humanoid import HumanoidFootIK, steer_along
 from footik_runtime.motion import Motion
+from footik_runtime.scene import Scene
 from footik_runtime.terrain.even import Flat
 from footik_runtime.walk import record_walk
 
@@ -199,3 +201,16 @@ def test_a_ball_in_the_way_is_pushed_by_a_foot(walk: Motion) -> None:
         )
     assert touched & bodies
     assert data.body("ball").xpos[0] > 1.5
+
+
+def test_velocity_is_the_motions_own_with_physics_between_the_steps(walk):
+    walker = HumanoidFootIK(Scene.build(walk, "flat", body=HUMANOID))
+    model, data = walker.scene.model, walker.scene.data
+    speeds = []
+    for _ in range(200):
+        walker.step(model.opt.timestep)
+        speeds.append(data.qvel[0])
+        mujoco.mj_step(model, data)
+    # The pelvis surges within a stride, but never goes back and never leaps.
+    assert min(speeds[5:]) > 0.8
+    assert max(speeds[5:]) < 2.0
