@@ -248,12 +248,13 @@ class _Artist:
         shapes = [self.slab(ankle, sole.frame, -sole.heel, front, (-sole.height, thick), leg)]
         if leg.toe >= 0:
             shapes.append(self.toes(leg, 0.8 * thick))
-        drop = thick - sole.height
-        back = rotate(frame, np.array([-0.35 * sole.heel, 0.0, 0.5 * drop]))
-        to = rotate(frame, np.array([0.9 * sole.ball, 0.0, drop]))
+        # The instep stays above the sole, which alone meets the ground.
+        radius = max(min(0.75 * sole.half_width, 0.024 * h, 0.45 * sole.height), 0.004 * h)
+        rise = max(radius + 0.1 * thick, thick) - sole.height
+        back = rotate(frame, np.array([-0.35 * sole.heel, 0.0, 0.6 * rise]))
+        to = rotate(frame, np.array([0.9 * sole.ball, 0.0, rise]))
         if np.linalg.norm(to - back) > 0.01 * h:
-            radius = min(0.75 * sole.half_width, 0.024 * h)
-            shapes.append(self.capsule(ankle, back, to, max(radius, 0.004 * h)))
+            shapes.append(self.capsule(ankle, back, to, radius))
         return [s for s in shapes if (s.size[: 2 if s.kind == CAPSULE else 3] > 0.0).all()]
 
     def toes(self, leg: Leg, thick: float) -> Shape:
