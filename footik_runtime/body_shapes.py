@@ -45,6 +45,8 @@ _KNOBS = {
     Segment.SHANK: 0.036,
     Segment.FOOT: 0.026,
 }
+# How long the last part of an arm is whose far end the skeleton does not tell.
+_STUMPS = {Segment.FOREARM: 0.155, Segment.HAND: 0.085}
 # Half width and half depth of the torso along the spine, from the hips (0) to the neck's base (1).
 _TORSO = np.array([0.0, 0.25, 0.6, 0.85, 1.0])
 _WIDTH = np.array([0.082, 0.075, 0.092, 0.096, 0.075])
@@ -122,6 +124,8 @@ class _Artist:
         if joint in skeleton.tips:
             ends.append(np.asarray(skeleton.tips[joint], dtype=np.float64))
         ends = [end for end in ends if np.linalg.norm(end) > 0.005 * self.h]
+        if segment in _STUMPS and not skeleton.children(joint) and self.first_of_segment(joint):
+            ends = ends or self.stump(joint)
         if segment in (Segment.HAND, Segment.OTHER, Segment.PELVIS):
             return ends
         return sorted(ends, key=np.linalg.norm)[-1:]
@@ -143,8 +147,6 @@ class _Artist:
         if shapes and self.first_of_segment(joint) and segment in _KNOBS:
             r = min(_KNOBS[segment] * self.h, 0.45 * float(np.linalg.norm(self.bones(joint)[0])))
             shapes.append(self.ball(joint, np.zeros(3), np.full(3, r), "dark", solid=False))
-        if segment == Segment.HAND and not self.bones(joint) and self.first_of_segment(joint):
-            shapes += self.stump(joint)
         return shapes
 
     def first_of_segment(self, joint: int) -> bool:
@@ -188,17 +190,14 @@ class _Artist:
             solid=solid,
         )
 
-    def stump(self, joint: int) -> list[Shape]:
-        """A hand of which the skeleton has the wrist only: it goes on along the forearm."""
+    def stump(self, joint: int) -> list[Array]:
+        """Where a part of the arm ends that is a leaf without a tip: on along its parent's bone."""
         skeleton = self.rig.skeleton
-        along = skeleton.offsets[joint]
-        parent_turn = self.anatomy.rotations[skeleton.parents[joint]]
-        along = self.local(joint, rotate(parent_turn, along))
-        length = float(np.linalg.norm(along))
-        if length < 1e-9:
-            return []
-        end = along / length * 0.085 * self.h
-        return [self.capsule(joint, 0.1 * end, 0.9 * end, 0.018 * self.h)]
+        bone = skeleton.offsets[joint]
+        along = rotate(self.anatomy.rotations[skeleton.parents[joint]], bone)
+        length = _STUMPS[self.anatomy.segments[joint]] * self.h
+        reach = float(np.linalg.norm(bone))
+        return [self.local(joint, along) * (length / reach)] if reach > 1e-9 else []
 
     def torso(self) -> list[Shape]:
         """Pelvis, and one ellipsoid around each bone of the spine, wide as a body is there."""
