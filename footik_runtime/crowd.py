@@ -119,8 +119,7 @@ class Crowd:
         The scene's bodies stand where the ground's data has them now. Raises FootIKError for a dt
         that is negative or not finite.
         """
-        if not (math.isfinite(dt) and dt >= 0.0):
-            raise FootIKError(f"a step's dt must be 0 or more and finite, not {dt}.")
+        check_dt(dt)
         if self.openkcc is not None:
             state = (self.bodies, self.feet, self.tables, self.roots, self.rotations, self.block)
             self.openkcc.step(*state, dt, self._scene_bodies(), self.ground)
@@ -161,6 +160,12 @@ class Crowd:
         if isinstance(self.ground, SceneGround):
             return Bodies(self.ground.data.xpos, self.ground.data.xquat)
         return _WORLD
+
+
+def check_dt(dt: float) -> None:
+    """Raise FootIKError unless dt, s, is finite and 0 or more."""
+    if not (math.isfinite(dt) and dt >= 0.0):
+        raise FootIKError(f"a step's dt must be 0 or more and finite, not {dt}.")
 
 
 RATES = (0.5, 2.0)

@@ -34,6 +34,7 @@ from footik_runtime.math3d import (
     quat_nlerp,
     quat_slerp,
     quat_to_rotvec,
+    quat_yaw,
     rotate,
     scale,
     set3,
@@ -498,6 +499,24 @@ def hear_foothold(foot, told, hits, leg, settings, bodies_at, bodies_turn):
 
 
 @compiled
+def carried_off(point, told, settings):
+    """Whether ground that moves took a print so far from the animated foot that it must let go."""
+    dx, dy = point[0] - told["ankle"][0], point[1] - told["ankle"][1]
+    most = 2.0 * _FORCED * settings["stride_distance"]
+    up = abs(point[2] - told["root_z"])
+    return dx * dx + dy * dy > most * most or up > 1.5 * settings["largest_step"]
+
+
+@compiled
+def stay_behind(foot, leg):
+    """Put the print under where the foot was last frame, in the world."""
+    out_turn = get4(foot["out_turn"])
+    foot["body"] = 0
+    set3(foot["hold"], add(get3(foot["out"]), rotate(out_turn, (0.0, 0.0, -leg["height"]))))
+    set4(foot["hold_turn"], quat_yaw(quat_heading(out_turn)))
+
+
+@compiled
 def watch_ground(foot, told, hit, leg, dt, settings, bodies_at, bodies_turn):
     """Follow ground that sank or rose under a print; let go of ground that is gone."""
     point, turn = print_of(foot, bodies_at, bodies_turn)
@@ -505,7 +524,11 @@ def watch_ground(foot, told, hit, leg, dt, settings, bodies_at, bodies_turn):
     if hit["hit"] == 1 and foot["watched"] == 0:
         foot["gap"], foot["watched"] = height, 1
     moved = height - foot["gap"]
-    if hit["hit"] == 0 or abs(moved) > settings["largest_step"]:
+    gone = hit["hit"] == 0 or abs(moved) > settings["largest_step"]
+    if carried_off(point, told, settings):
+        gone = True
+        stay_behind(foot, leg)
+    if gone:
         release(foot, told, leg, dt, settings, bodies_at, bodies_turn)
         return
     foot["floor"] = hit["geom"]

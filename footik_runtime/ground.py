@@ -30,7 +30,9 @@ TERRAIN_GROUPS = (0,)
 
 _OLDEST = 3_011_000  # mj_version() of 3.11.0, the first whose mj_ray returns the normal
 _ARGUMENTS = ("m:", "d:", "pnt:", "vec:", "geomgroup:", "flg_static:", "bodyexclude:", "geomid:")
-_PAST_BACK_FACE = 1e-5  # m beyond a back face before the ray goes on
+# m beyond a back face before the ray goes on. Ground that lies on that face, as a floor does under
+# a box at rest, is passed with it where MuJoCo names the box first.
+_PAST_BACK_FACE = 1e-5
 _MOST_BACK_FACES = 8
 # A ray exactly on a grid line of a height field, or on a seam of a mesh, may fall through it in
 # MuJoCo. Characters start at round numbers, where such lines are: rays are cast a hair beside.

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from footik_runtime.crowd import Crowd
+from footik_runtime.crowd import Crowd, check_dt
 from footik_runtime.errors import FootIKError, unknown_name
 from footik_runtime.foot_target import GROUNDED, to_world
 from footik_runtime.scene import Scene
@@ -171,6 +171,7 @@ class HumanoidFootIK:
         if at.shape != (3,) or not np.isfinite(at).all() or not math.isfinite(yaw):
             raise FootIKError(f"a place must be three finite numbers and a yaw, not {at_w}, {yaw}.")
         self.crowd.place(at[None], yaw)
+        self.crowd.step(0.0)  # a pose to write, and from which the first velocities are
         self._write(0.0)
 
     def command(self, velocity: tuple[float, float], turn_rate: float = 0.0) -> None:
@@ -196,6 +197,7 @@ class HumanoidFootIK:
 
         Kinematics are brought up to date; call `mujoco.mj_step` as well for loose objects.
         """
+        check_dt(dt)
         self._time += dt
         self.scene.pose_terrain(self._time)
         self.crowd.step(dt)
@@ -203,9 +205,10 @@ class HumanoidFootIK:
 
     def _write(self, dt: float) -> None:
         model, data, character = self.scene.model, self.scene.data, self.scene.character
-        self._qpos[:] = data.qpos
         character.write_pose(data, self.crowd.roots[0], self.crowd.rotations[0])
+        # From the pose written last, not from what mj_step made of it since.
         character.write_pose_velocity(model, data, self._qpos, dt)
+        self._qpos[:] = data.qpos
         mujoco.mj_kinematics(model, data)
 
 

@@ -106,7 +106,7 @@ class FootIKSettings:
     def __post_init__(self) -> None:
         if self.behaviour not in ("default", "openkcc"):
             raise unknown_name("behaviour", str(self.behaviour), ("default", "openkcc"))
-        for name, (low, high) in _RANGES.items():
+        for name, (low, high) in RANGES.items():
             value = getattr(self, name)
             if not (
                 isinstance(value, (int, float, np.integer, np.floating)) and low <= value <= high
@@ -162,14 +162,14 @@ class FootIKSettings:
         for name in SETTINGS.names or ():
             if name == "size":
                 out[name] = size
-            elif name + "_deg" in _RANGES:
+            elif name + "_deg" in RANGES:
                 out[name] = math.radians(getattr(self, name + "_deg"))
             else:
                 out[name] = getattr(self, name) * (size if name in _LENGTHS else 1.0)
         return out[()]
 
 
-_RANGES: dict[str, tuple[float, float]] = {
+RANGES: dict[str, tuple[float, float]] = {
     "weight_on": (0.01, 1.0),
     "weight_off": (0.0, 0.99),
     "place_time": (0.0, 2.0),
@@ -202,7 +202,7 @@ _RANGES: dict[str, tuple[float, float]] = {
 }
 
 SETTINGS = np.dtype(
-    [(name.removesuffix("_deg"), "f8") for name in _RANGES]
+    [(name.removesuffix("_deg"), "f8") for name in RANGES]
     + [("correct_overlap", "f8"), ("size", "f8")],
     align=True,
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -18,6 +19,7 @@ from footik_runtime.terrain import Terrain
 from footik_runtime.terrain.piece import Piece
 
 Array = NDArray[np.float64]
+Taken = dict[str, NDArray[Any]]
 
 DT = 1.0 / 60.0
 FAR_AWAY = 100.0  # m
@@ -48,7 +50,7 @@ def over_ground(ik: HumanoidFootIK) -> Array:
     return points[..., 2] - ik.scene.ground().height(points, above=0.2)
 
 
-def run(ik: HumanoidFootIK, seconds: float, dt: float = DT) -> dict[str, NDArray]:
+def run(ik: HumanoidFootIK, seconds: float, dt: float = DT) -> Taken:
     """Step on, and return what was recorded: soles (T, legs, 3, 3), feet (T, legs), hips (T,)."""
     frames = round(seconds / dt)
     points, feet, drops = [], [], []

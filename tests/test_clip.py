@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from footik_runtime import quat_arrays
 from footik_runtime.builtin import humanoid_rig
-from footik_runtime.clip import Clip, blend
+from footik_runtime.clip import Clip, blend, cubic_weights
 from footik_runtime.errors import FootIKError
 from footik_runtime.gait import run, turn_in_place, walk
 from footik_runtime.skeleton import Skeleton
@@ -197,3 +200,153 @@ def test_signs_of_rotations_are_made_continuous():
     rotations[2] *= -1
     clip = Clip(skeleton=chain(), fps=30.0, root_positions=np.zeros((4, 3)), rotations=rotations)
     assert (clip.rotations[..., 0] == 1.0).all()
+
+
+def circling(yaw: float, frames: int = 12) -> Clip:
+    """A loop that walks along an arc, climbs, and turns by `yaw` a cycle."""
+    turns = np.linspace(0.0, yaw, frames)
+    rotations = np.tile([1.0, 0, 0, 0], (frames, 3, 1))
+    tilt = quat_arrays.about([0, 1, 0], 0.2)
+    for f, turn in enumerate(turns):
+        rotations[f, 0] = quat_arrays.mul(quat_arrays.about([0, 0, 1], turn + 0.3), tilt)
+    places = np.stack([2 * np.sin(turns) + 1, -2 * np.cos(turns), 0.3 * turns], axis=1)
+    return Clip(skeleton=chain(), fps=30.0, root_positions=places, rotations=rotations, loop=True)
+
+
+@pytest.mark.parametrize("yaw", [0.7, -2.0, 3.0, 1e-8])
+@pytest.mark.parametrize("cycles", [-5, -1, 1, 4])
+def test_turning_loop_goes_on_along_its_arc_in_both_directions(yaw, cycles):
+    clip = circling(yaw)
+    for time in (0.0, 0.11, 0.2):
+        here, there = clip.sample(time), clip.sample(time + cycles * clip.duration)
+        onward = quat_arrays.about([0, 0, 1], cycles * yaw)
+        # The arc is about (1, 0): what one cycle does, n cycles do n times.
+        centre = np.array([1.0, 0.0, 0.0])
+        place = centre + quat_arrays.rotate(onward, here.root_position - centre)
+        place[2] += 0.3 * cycles * yaw
+        np.testing.assert_allclose(there.root_position, place, atol=1e-6)
+        turn = quat_arrays.mul(onward, here.rotations[0])
+        assert abs(there.rotations[0] @ turn) == pytest.approx(1.0, abs=1e-12)
+
+
+def test_loop_joins_with_the_slope_it_left_with():
+    clip = circling(0.7)
+    h = 1e-5
+    before = clip.sample(clip.duration).root_position - clip.sample(clip.duration - h).root_position
+    after = clip.sample(clip.duration + h).root_position - clip.sample(clip.duration).root_position
+    np.testing.assert_allclose(before / h, after / h, atol=1e-3)
+
+
+def test_curves_and_translations_repeat_in_a_loop():
+    rng = np.random.default_rng(0)
+    clip = Clip(
+        skeleton=chain(), fps=10.0, root_positions=np.zeros((5, 3)), loop=True,
+        rotations=np.tile([1.0, 0, 0, 0], (5, 3, 1)),
+        translations=np.concatenate([t := rng.normal(size=(4, 3, 3)), t[:1]]),
+        curves={"w": np.array([0.0, 1.0, 2.0, 3.0, 0.0])},
+    )  # fmt: skip
+    for time in (0.0, 0.05, 0.33):
+        for cycles in (-2, 3):
+            one, other = clip.sample(time), clip.sample(time + cycles * clip.duration)
+            assert one.translations is not None
+            np.testing.assert_allclose(one.translations, np.array(other.translations), atol=1e-9)
+            assert one.curves["w"] == pytest.approx(other.curves["w"], abs=1e-9)
+    assert clip.sample(0.05).curves["w"] == pytest.approx(0.5)
+
+
+def test_clip_of_one_frame_is_that_frame_for_ever():
+    for loop in (False, True):
+        clip = swaying(1, loop)
+        for time in (-1.0, 0.0, 3.0):
+            pose = clip.sample(time)
+            np.testing.assert_allclose(pose.root_position, clip.root_positions[0])
+            np.testing.assert_allclose(pose.rotations, clip.rotations[0])
+
+
+@given(st.floats(0, 1))
+def test_cubic_weights_sum_to_one_and_move_a_straight_line_straight(u):
+    weights = np.array(cubic_weights(u))
+    assert weights.sum() == pytest.approx(1.0)
+    assert weights @ [-1.0, 0.0, 1.0, 2.0] == pytest.approx(u, abs=1e-12)
+    assert weights @ [1.0, 0.0, 1.0, 4.0] == pytest.approx(u * u, abs=1e-12)
+
+
+@pytest.mark.parametrize("frame", [0.0, 1.0])
+def test_cubic_weights_are_exact_on_a_frame(frame):
+    assert cubic_weights(frame) == (0.0, 1.0 - frame, frame, 0.0)
+
+
+def test_samples_are_unit_and_between_their_frames():
+    clip = swaying()
+    for time in np.linspace(-0.1, clip.duration + 0.1, 60):
+        rotations = clip.sample(time).rotations
+        np.testing.assert_allclose(np.linalg.norm(rotations, axis=-1), 1.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("time", [math.nan, math.inf, -math.inf])
+def test_time_that_is_no_number_is_refused(time):
+    with pytest.raises(FootIKError, match=f"clip: cannot sample at time {time}"):
+        swaying().sample(time)
+
+
+@pytest.mark.parametrize(
+    ("what", "index", "words"),
+    [
+        ("root_positions", (2, 1), r"root_positions is not finite at frame 2 \(1 of 5"),
+        ("translations", (4, 2, 0), r"translations is not finite at frame 4, joint 'j2' \(1 of 5"),
+        ("curve", (1,), r"curve 'w' is not finite at frame 1 \(1 of 5"),
+    ],
+)
+def test_nan_anywhere_is_named(what, index, words):
+    given = {
+        "root_positions": np.zeros((5, 3)),
+        "translations": np.zeros((5, 3, 3)),
+        "rotations": np.tile([1.0, 0, 0, 0], (5, 3, 1)),
+        "curve": np.zeros(5),
+    }
+    given[what][index] = math.nan
+    curves = {"w": given.pop("curve")}
+    with pytest.raises(FootIKError, match=words):
+        Clip(skeleton=chain(), fps=30.0, curves=curves, **given)
+
+
+def test_blend_of_clips_with_and_without_translations_uses_offsets_for_the_one_without():
+    still = swaying(10)
+    moved = replace(still, translations=np.tile([0.0, 0.0, 3.0], (10, 3, 1)))
+    mixed = np.array(blend(still, moved, 0.5).translations)
+    np.testing.assert_allclose(mixed, [[[0, 0, 2.0]] * 3] * 10)
+    assert blend(still, still, 0.5).translations is None
+
+
+def test_blend_keeps_the_curves_both_have_and_loops_only_where_both_do():
+    a = swaying(8, loop=True).with_curves(only=np.zeros(8))
+    b = swaying(8, loop=True)
+    assert set(blend(a, b, 0.5).curves) == {"weight"}
+    assert blend(a, b, 0.5).loop
+    assert not blend(a, swaying(8), 0.5).loop
+
+
+def test_blend_of_a_turned_sign_is_the_same_rotation():
+    clip = swaying(6)
+    negative = replace(clip, rotations=-clip.rotations)
+    np.testing.assert_allclose(blend(clip, negative, 0.7).rotations, clip.rotations, atol=1e-12)
+
+
+def test_rotations_are_made_unit_and_unit_ones_are_left_to_the_bit():
+    clip = swaying()
+    again = replace(clip, rotations=clip.rotations.copy())
+    assert again.rotations.tobytes() == clip.rotations.tobytes()
+    doubled = replace(clip, rotations=2.0 * clip.rotations)
+    np.testing.assert_allclose(doubled.rotations, clip.rotations, atol=1e-15)
+
+
+def test_times_and_duration_count_from_the_first_frame_to_the_last():
+    clip = swaying(31)
+    assert (len(clip), clip.duration, clip.times[0]) == (31, 1.0, 0.0)
+    assert clip.times[-1] == clip.duration
+
+
+@pytest.mark.parametrize(("start", "stop"), [(3, 3), (-1, 2), (5, 4)])
+def test_cut_of_nothing_is_refused(start, stop):
+    with pytest.raises(FootIKError, match=f"cannot cut frames {start}:{stop} from a clip of 20"):
+        swaying().cut(start, stop)

@@ -8,9 +8,10 @@ import mujoco
 import numpy as np
 import pytest
 
+import footik_runtime.ground as ground_module
 from footik_runtime.errors import FootIKError
-from footik_runtime.ground import NATIVE_RAYS, RecordedGround, SceneGround
-from footik_runtime.probes import HIT, PROBE
+from footik_runtime.ground import NATIVE_RAYS, RecordedGround, SceneGround, group_mask
+from footik_runtime.probes import HIT, PROBE, set_miss, set_probe
 
 SCENE = """
 <mujoco>
@@ -177,3 +178,115 @@ def test_data_of_another_model_is_an_error(scene):
 def test_geom_group_outside_its_range_is_an_error(scene):
     with pytest.raises(FootIKError, match=r"geom group 6 is not in 0\.\.5"):
         SceneGround(*scene, groups=(6,))
+
+
+def test_ray_that_starts_inside_hits_what_is_under_it_with_the_whole_way_told(scene):
+    model, data = scene
+    model.geom("ball").pos[2] = 0.5
+    mujoco.mj_forward(model, data)
+    inside = rays([[-3.0, -3.0, 0.5], [-3.0, 0.0, 0.5]])  # in the lift's deck, in the ball
+    for native in {NATIVE_RAYS, False}:
+        hits = answered(SceneGround(model, data, native=native), inside)
+        assert [model.geom(int(g)).name for g in hits["geom"]] == ["floor", "floor"]
+        np.testing.assert_allclose(hits["distance"], 0.5, atol=1e-6)
+        np.testing.assert_allclose(hits["point"][:, 2], 0.0, atol=1e-6)
+
+
+def test_length_counts_from_the_origin_through_what_was_passed(scene):
+    ground = SceneGround(*scene)
+    inside = [[-3.0, -3.0, 0.5]]  # in the lift's deck, whose bottom is at 0.4
+    assert answered(ground, rays(inside, length=0.51))["hit"][0] == 1
+    assert answered(ground, rays(inside, length=0.49))["hit"][0] == 0
+
+
+def test_every_normal_faces_its_ray_and_every_point_lies_on_it(scene):
+    rng = np.random.default_rng(5)
+    probes = rays(rng.uniform([-5, -5, 0.05], [5, 9, 2.0], (1000, 3)), length=4.0)
+    probes["direction"] = rng.normal(size=(1000, 3))
+    probes["direction"] /= np.linalg.norm(probes["direction"], axis=1, keepdims=True)
+    hits = answered(SceneGround(*scene), probes)
+    hit = hits["hit"] == 1
+    assert 200 < hit.sum() < 1000
+    assert (np.einsum("ij,ij->i", hits["normal"], probes["direction"])[hit] <= 0.0).all()
+    np.testing.assert_allclose(np.linalg.norm(hits["normal"][hit], axis=1), 1.0, atol=1e-6)
+    along = probes["origin"] + probes["direction"] * hits["distance"][:, None]
+    np.testing.assert_allclose(hits["point"][hit], along[hit], atol=1e-12)
+    assert (hits["distance"][hit] <= 4.0).all()
+    assert not hits["point"][~hit].any()
+    assert (hits["geom"][~hit] == -1).all()
+
+
+@pytest.mark.parametrize("native", sorted({NATIVE_RAYS, False}))
+def test_ray_without_direction_or_of_nan_is_a_miss(scene, native):
+    probes = rays(np.tile([3.0, 0.0, 2.0], (5, 1)))
+    probes["direction"][:3] = [[0, 0, 0], [0, 0, -1e-20], [0, 0, np.nan]]
+    probes["origin"][3] = np.nan
+    assert answered(SceneGround(*scene, native=native), probes)["hit"].tolist() == [0, 0, 0, 0, 1]
+
+
+def test_a_miss_wipes_the_answer_before_it(scene):
+    hits = np.ones(1, dtype=HIT)
+    SceneGround(*scene).cast(rays([[3.0, 0.0, 2.0]], length=0.1), hits)
+    assert hits[0]["geom"] == hits[0]["body"] == -1
+    for name in ("hit", "distance", "point", "normal"):
+        assert not hits[name].any()
+
+
+def test_a_turned_platform_shows_its_turned_normal(scene):
+    model, data = scene
+    data.mocap_quat[0] = [np.cos(0.1), np.sin(0.1), 0.0, 0.0]  # 0.2 rad about x
+    ground = SceneGround(model, data)
+    mujoco.mj_kinematics(model, data)
+    (hit,) = answered(ground, rays([[-3.0, -3.0, 2.0]]))
+    np.testing.assert_allclose(hit["normal"], [0, -np.sin(0.2), np.cos(0.2)], atol=1e-9)
+
+
+def test_heights_keep_the_shape_of_their_points_and_are_nan_on_a_miss(scene):
+    ground = SceneGround(*scene)
+    grid = np.array([[[3.0, 0.0, 0.4], [8.0, 0.0, 0.0]], [[-3.0, 0.0, 0.8], [8.0, 0.0, 9.0]]])
+    heights = ground.height(grid)
+    np.testing.assert_allclose(heights, [[0.4, 0.0], [0.8, np.nan]], atol=1e-6)
+    under, geoms = ground.under(grid.reshape(-1, 3))
+    np.testing.assert_array_equal(under, heights.reshape(-1))
+    assert geoms[3] == -1
+
+
+def test_recording_of_a_scene_answers_as_the_scene_did(scene):
+    ground, rng = SceneGround(*scene), np.random.default_rng(4)
+    asked = [rays(rng.uniform([-5, -5, 1], [5, 9, 2], (7, 3))) for _ in range(3)]
+    recorded = [answered(ground, probes) for probes in asked]
+    played = RecordedGround(recorded)
+    for probes, hits in zip(asked, recorded, strict=True):
+        assert answered(played, probes).tobytes() == hits.tobytes()
+    with pytest.raises(FootIKError, match="holds 21 hits, but ray 22 was asked for"):
+        played.cast(asked[0], recorded[0])
+
+
+def test_probe_and_miss_are_written_whole():
+    probe, hit = np.zeros(1, dtype=PROBE)[0], np.ones(1, dtype=HIT)[0]
+    set_probe(probe, (1.0, 2.0, 3.0), (0.0, 0.0, -1.0), 0.7)
+    assert (probe["active"], probe["length"]) == (1, 0.7)
+    assert probe["origin"].tolist() == [1.0, 2.0, 3.0]
+    assert probe["direction"].tolist() == [0.0, 0.0, -1.0]
+    set_miss(hit)
+    assert hit.tolist()[:4] == (0, -1, -1, 0.0)
+    assert not hit["point"].any()
+
+
+def test_native_rays_are_refused_where_there_are_none(scene, monkeypatch):
+    monkeypatch.setattr(ground_module, "NATIVE_RAYS", False)
+    with pytest.raises(FootIKError, match="native rays are not available"):
+        SceneGround(*scene, native=True)
+    assert SceneGround(*scene, native=False).caster() is None
+
+
+def test_an_unknown_ray_function_is_not_called_natively(monkeypatch):
+    monkeypatch.setattr(mujoco, "mj_version", lambda: 3_010_000)
+    assert not ground_module._load_native_ray()
+
+
+@pytest.mark.parametrize("group", [-1, 6])
+def test_group_mask_holds_its_groups_and_refuses_others(group):
+    assert group_mask((0, 5)).tolist() == [1, 0, 0, 0, 0, 1]
+    with pytest.raises(FootIKError, match=f"geom group {group} is not in"):
+        group_mask((0, group))

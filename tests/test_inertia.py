@@ -91,3 +91,78 @@ def test_bump_is_one_in_the_middle_and_rests_at_its_ends():
     for t in (0.0, 0.5, 1.0):
         assert abs(slope(smooth_bump, t)) < 1e-4
     assert not math.isnan(smooth_bump(1e300))
+
+
+@given(vector, vector, duration)
+def test_offset_starts_without_acceleration(offset, velocity, time):
+    for h in (1e-2, 5e-3):
+        t = h * time
+        left = np.array(decayed(offset, velocity, t, time))
+        straight = np.array(offset) + np.array(velocity) * t
+        size = np.linalg.norm(offset) + time * np.linalg.norm(velocity)
+        assert np.linalg.norm(left - straight) <= 20.0 * h**3 * size + 1e-12
+
+
+@given(vector, duration, st.floats(0, 1))
+def test_offset_at_rest_shrinks_along_a_straight_line_and_never_passes_zero(offset, time, part):
+    now = np.array(decayed(offset, (0.0, 0.0, 0.0), part * time, time))
+    np.testing.assert_allclose(now, np.array(offset) * (1 - smooth_step(part)), atol=1e-12)
+
+
+@given(vector, vector, duration)
+def test_limited_offset_overshoots_by_no_more_than_its_size_and_a_little(offset, velocity, time):
+    limited = limited_velocity(offset, velocity, time)
+    size = np.linalg.norm(offset)
+    assert np.linalg.norm(limited) <= 4.0 * size / time + 1.5 + 1e-9
+    if np.linalg.norm(velocity) <= 1.5:
+        assert limited == velocity
+    for part in np.linspace(0, 1, 21):
+        reach = np.linalg.norm(decayed(offset, limited, part * time, time))
+        assert reach <= 1.5 * size + 0.25 * 1.5 * time
+
+
+def test_limit_of_no_duration_is_finite():
+    limited = limited_velocity((1.0, 0.0, 0.0), (1e300, 0.0, 0.0), 0.0)
+    assert np.isfinite(limited).all()
+
+
+@given(
+    st.floats(-1e3, 1e3), st.floats(-1e3, 1e3), st.floats(-1e3, 1e3),
+    st.floats(0, 1e6), st.sampled_from([0.0, 5e-324, 1e-9, 1e-3, 1.0, 1e3, 1e300, math.inf]),
+)  # fmt: skip
+def test_spring_is_finite_at_any_half_life_and_step(value, speed, target, half_life, dt):
+    if half_life > 1.0 and math.isinf(dt):
+        dt = 1e9
+    assert np.isfinite(spring(value, speed, target, half_life, dt)).all()
+
+
+@pytest.mark.parametrize("dt", [1e3, 1e300, math.inf])
+@pytest.mark.parametrize("half_life", [1e-9, 1e-6, 0.1])
+def test_spring_of_far_and_fast_is_at_rest_on_its_target_after_ages(half_life, dt):
+    assert spring(1e9, 1e9, 3.0, half_life, dt) == pytest.approx((3.0, 0.0))
+
+
+@pytest.mark.parametrize("half_life", [5e-324, 1e-300, 1e-160, 1e-12, 0.0])
+def test_spring_too_short_to_be_seen_jumps(half_life):
+    for dt in (0.0, 1e-3, 1e3):
+        assert spring(1.0, 5.0, 3.0, half_life, dt) == (3.0, 0.0)
+
+
+@given(st.floats(-3, 3), st.floats(-3, 3), st.floats(0.02, 1))
+def test_spring_moves_as_fast_as_it_says(value, speed, half_life):
+    _, after = spring(value, speed, 0.5, half_life, 0.03)
+    moved = slope(lambda t: spring(value, speed, 0.5, half_life, t)[0], 0.03)
+    assert moved == pytest.approx(after, rel=1e-4, abs=1e-4)
+
+
+def test_resting_spring_never_passes_its_target():
+    steps = [spring(1.0, 0.0, 0.0, 0.1, t)[0] for t in np.linspace(0, 2, 300)]
+    assert (np.diff(steps) <= 0.0).all()
+    assert steps[-1] >= 0.0
+
+
+def test_easing_ends_without_acceleration():
+    h = 1e-4
+    assert smooth_step(h) / h**3 == pytest.approx(10.0, rel=1e-2)
+    assert (1.0 - smooth_step(1.0 - h)) / h**3 == pytest.approx(10.0, rel=1e-2)
+    assert smooth_step(0.5) == 0.5

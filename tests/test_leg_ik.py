@@ -325,3 +325,123 @@ def test_a_small_rise_of_the_hip_lifts_the_heel_little(height, rise, reach):
 def test_a_foot_without_length_and_a_hip_on_the_axis_lift_no_heel():
     assert heel_lift((0.0, 0.0, 2.0), BALL, BALL, LEFT, 0.5) == 0.0
     assert heel_lift(add(BALL, (0.0, 2.0, 0.0)), GOAL, BALL, LEFT, 0.5) == 0.0
+
+
+@settings(max_examples=200, deadline=None)
+@given(point, point, point)
+def test_any_bent_leg_whose_ankle_is_at_its_goal_is_left_alone(hip, knee, ankle):
+    thigh, shin = sub(knee, hip), sub(ankle, knee)
+    full = norm(thigh) + norm(shin)
+    assume(min(norm(thigh), norm(shin), norm(sub(ankle, hip))) > 0.05)
+    # Bent enough that its own plane holds, not its hinge's.
+    assume(norm(np.cross(thigh, sub(ankle, hip))) / norm(sub(ankle, hip)) > 0.021 * full)
+    turned, bent, end, reached = two_bone(hip, knee, ankle, ankle, LEFT, full)
+    assert reached
+    assert np.allclose(end, ankle, rtol=0.0, atol=1e-9)
+    assert max(quat_angle(turned, IDENTITY), quat_angle(bent, IDENTITY)) < 1e-6
+
+
+@settings(max_examples=200, deadline=None)
+@given(direction, st.floats(0.3, 0.96), direction)
+def test_without_a_pole_small_moves_of_the_goal_turn_the_bones_little(way, share, step):
+    toward = np.array(way) / norm(way)
+    assume(toward[2] < 0.9)  # straight up, opposite the leg, any swing is as short
+    goal = np.add(HIP, toward * share * FULL)
+    near = goal + 1e-5 * np.array(step) / norm(step)
+    one = two_bone(HIP, KNEE, ANKLE, tuple(goal.tolist()), LEFT, 0.97 * FULL)
+    other = two_bone(HIP, KNEE, ANKLE, tuple(near.tolist()), LEFT, 0.97 * FULL)
+    assert norm(sub(one[2], other[2])) < 2e-5
+    assert max(quat_angle(one[0], other[0]), quat_angle(one[1], other[1])) < 2e-3
+
+
+@settings(deadline=None)
+@given(rotation, st.floats(0.2, 0.95))
+def test_a_straight_leg_bends_to_its_hinges_side_however_it_stands(turn, share):
+    turn = quat_unit(turn)
+    down, hinge, ahead = (rotate(turn, v) for v in ((0.0, 0.0, -1.0), LEFT, AHEAD))
+    knee, ankle = (tuple(np.multiply(down, d).tolist()) for d in (0.4, 0.8))
+    goal = tuple(np.multiply(down, 0.8 * share).tolist())
+    for way in (1.0, -1.0):
+        axis = tuple(np.multiply(hinge, way).tolist())
+        bent, end, _ = solved(NONE, knee, ankle, goal, 0.8, hinge=axis)
+        assert way * dot(bent, ahead) > 0.05
+        assert abs(dot(bent, hinge)) < 1e-9
+        assert np.allclose(end, goal, atol=1e-9)
+
+
+def test_the_hinge_takes_over_smoothly_from_a_knee_bent_aside():
+    hip, ankle, goal = (0.0, 0.0, 0.84), NONE, (0.0, 0.0, 0.3)
+    last = None
+    for off in np.linspace(0.0, 0.03 * 0.84, 1001).tolist():
+        knee, _, _ = solved(hip, (0.0, off, 0.42), ankle, goal, 0.83)
+        assert last is None or angle_between((knee[0], knee[1], 0.0), last) < 0.01
+        last = (knee[0], knee[1], 0.0)
+    assert last is not None
+    assert angle_between(last, LEFT) < 1e-6  # bent well, it keeps to its own plane
+
+
+def test_a_leg_straightens_and_bends_again_without_a_jump():
+    hips = np.linspace(0.80, 0.84, 2001)  # through the length at which the hinge takes over
+    last = None
+    for height in hips.tolist():
+        knee = (math.sqrt(max(0.42**2 - (0.5 * height) ** 2, 0.0)), 0.0, 0.5 * height)
+        turns = two_bone((0.0, 0.0, height), knee, NONE, (0.1, 0.1, 0.1), LEFT, 0.82)
+        knee_at = add((0.0, 0.0, height), rotate(turns[0], sub(knee, (0.0, 0.0, height))))
+        assert last is None or norm(sub(knee_at, last)) < 2e-3
+        last = knee_at
+
+
+@settings(deadline=None)
+@given(direction, st.floats(1.0, 1e6))
+def test_a_goal_too_far_pulls_the_leg_towards_it_and_never_quite_straight(way, times):
+    toward = np.array(way) / norm(way)
+    goal = tuple(np.add(HIP, toward * times * FULL).tolist())
+    _, end, (_, _, _, reached) = solved(HIP, KNEE, ANKLE, goal, 0.97 * FULL)
+    assert not reached
+    assert norm(sub(end, HIP)) < FULL
+    assert angle_between(sub(end, HIP), tuple(toward.tolist())) < 1e-6
+
+
+def test_soft_reach_without_room_is_a_clamp():
+    assert soft_length(0.5, 1.0, 1.0) == 0.5
+    assert soft_length(7.0, 1.0, 1.0) == 1.0
+    assert soft_length(0.0, 0.0, 0.0) == 0.0
+
+
+def test_shortfall_is_exact():
+    assert shortfall((0.0, 0.0, 1.0), (0.3, 0.0, 0.0), 0.5) == pytest.approx(0.6)
+    assert shortfall((0.0, 0.0, 0.4), (0.3, 0.0, 0.0), 0.5) == pytest.approx(0.0, abs=1e-12)
+    assert shortfall((0.0, 0.0, 0.2), (0.0, 0.0, 0.9), 0.5) == 0.0  # a goal over the hip
+    assert shortfall((0.0, 0.0, 1.0), (9.0, 0.0, 0.25), 0.5) == 0.75  # too far aside
+
+
+@settings(deadline=None)
+@given(st.floats(-0.08, 0.08), st.floats(0.86, 1.0), st.floats(0.8, 0.95))
+def test_a_heel_lift_about_an_axis_askew_brings_the_ankle_in_reach(aside, height, reach):
+    hip, goal = (0.1, 0.1, height), (0.0, aside, 0.1)
+    angle = heel_lift(hip, goal, BALL, LEFT, reach)
+    lifted = [
+        norm(sub(add(BALL, rotate(quat_axis_angle(LEFT, a), sub(goal, BALL))), hip))
+        for a in (angle, *np.linspace(0.0, math.pi, 400).tolist())
+    ]
+    assert lifted[0] <= max(reach, min(lifted[1:])) + 1e-9
+    if angle > 0.0 and min(lifted[1:]) < reach:
+        assert lifted[0] == pytest.approx(reach, abs=1e-7)
+
+
+@settings(deadline=None)
+@given(rotation, st.floats(0.95, 1.3))
+def test_a_heel_lift_does_not_depend_on_where_the_world_points(turn, height):
+    turn, hip = quat_unit(turn), (0.05, 0.02, height)
+    here = heel_lift(hip, GOAL, BALL, LEFT, 0.85)
+    hip_t, goal_t, ball_t, left_t = (rotate(turn, v) for v in (hip, GOAL, BALL, LEFT))
+    there = heel_lift(hip_t, goal_t, ball_t, left_t, 0.85)
+    assert there == pytest.approx(here, abs=1e-6)
+
+
+@settings(deadline=None)
+@given(point, point, point, direction, st.floats(0.0, 3.0))
+def test_a_heel_lift_is_never_negative_or_over_a_turn_and_always_finite(h, goal, ball, axis, reach):
+    left = tuple((np.array(axis) / norm(axis)).tolist())
+    assert 0.0 <= heel_lift(h, goal, ball, left, reach) <= 2.0 * math.pi
+    assert heel_lift(h, goal, goal, left, reach) == 0.0

@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 import math
-from dataclasses import fields
+import re
+from dataclasses import FrozenInstanceError, fields
 
+import numpy as np
 import pytest
 
 from footik_runtime.errors import FootIKError
-from footik_runtime.settings import SETTINGS, FootIKSettings
+from footik_runtime.settings import (
+    RANGES,
+    SETTINGS,
+    STANDARD_LEG,
+    FootIKSettings,
+)
 
 
 def test_every_number_reaches_compiled_code():
@@ -68,3 +75,63 @@ def test_changed_leaves_the_original_alone():
 def test_presets_are_what_they_say():
     assert FootIKSettings.preset("default") == FootIKSettings()
     assert FootIKSettings.preset("openkcc").behaviour == "openkcc"
+
+
+@pytest.mark.parametrize("name", [n for n in RANGES if not n.startswith("weight")])
+def test_every_setting_takes_its_ends_and_nothing_beyond(name):
+    for end, beyond in zip(RANGES[name], (-1e-3, 1e-3), strict=True):
+        assert getattr(FootIKSettings().changed(**{name: end}), name) == end
+        with pytest.raises(FootIKError, match=f"setting {name} must be in"):
+            FootIKSettings().changed(**{name: end + beyond})
+    for nonsense in (math.nan, math.inf, None, "1", [1.0]):
+        with pytest.raises(FootIKError, match=f"setting {name} must be in"):
+            FootIKSettings().changed(**{name: nonsense})
+
+
+def test_every_default_lies_within_its_range():
+    for settings in (FootIKSettings(), FootIKSettings.openkcc()):
+        for name, (low, high) in RANGES.items():
+            assert low <= getattr(settings, name) <= high
+
+
+def test_numpy_numbers_are_numbers():
+    settings = FootIKSettings().changed(place_time=np.float32(0.25), stride_time=np.int64(1))
+    assert settings.record(0.85)["place_time"] == 0.25
+    assert settings.record(0.85)["stride_time"] == 1.0
+
+
+def test_equal_weights_are_openkccs_alone():
+    assert FootIKSettings.openkcc().weight_on == FootIKSettings.openkcc().weight_off == 0.5
+    with pytest.raises(FootIKError, match="placed and released every frame"):
+        FootIKSettings(weight_on=0.5, weight_off=0.5)
+
+
+def test_every_length_scales_and_nothing_else_does():
+    settings = FootIKSettings()
+    small, large = settings.record(STANDARD_LEG), settings.record(3.0 * STANDARD_LEG)
+    scaled = {n for n in SETTINGS.names or () if n != "size" and small[n] and large[n] != small[n]}
+    metres = re.findall(r"^ +(\w+): (?:openkcc only: )?m\b", FootIKSettings.__doc__ or "", re.M)
+    assert len(metres) > 8
+    assert scaled == set(metres)
+    for name in scaled:
+        assert small[name] == getattr(settings, name)
+        assert large[name] == pytest.approx(3.0 * small[name])
+    assert (small["size"], large["size"]) == (1.0, pytest.approx(3.0))
+
+
+def test_every_angle_is_named_in_degrees_and_kept_in_radians():
+    settings, record = FootIKSettings(), FootIKSettings().record(2.0)
+    angles = [n for n in RANGES if n.endswith("_deg")]
+    assert len(angles) >= 4
+    for name in angles:
+        assert record[name.removesuffix("_deg")] == math.radians(getattr(settings, name))
+
+
+def test_settings_cannot_be_changed_in_place():
+    with pytest.raises(FrozenInstanceError):
+        FootIKSettings().reach = 0.9  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def test_changed_settings_are_checked_as_new_ones_are():
+    with pytest.raises(FootIKError, match="clearance must be in"):
+        FootIKSettings().changed(clearance=-0.1)
