@@ -13,6 +13,7 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from footik_runtime.quat_arrays import rotate
 from footik_runtime.rig import Leg, Rig
 from footik_runtime.skeleton import Skeleton
 
@@ -316,13 +317,6 @@ def _stature(
     tops = [positions[j, 2] for j, s in enumerate(segments) if s in middle and not in_leg[j]]
     for joint, tip in rig.skeleton.tips.items():
         if segments[joint] == Segment.HEAD:
-            tops.append((positions[joint] + turned(rotations[joint], tip))[2])
+            tops.append((positions[joint] + rotate(rotations[joint], tip))[2])
     sole = float(np.mean([leg.sole.height for leg in rig.legs]))
     return float(np.clip(leg_length + sole + max(tops) - hip_height, 0.8 * human, 1.3 * human))
-
-
-def turned(rotation: Array, vector: Array) -> Array:
-    """A vector (3,) turned by a unit quaternion (4,), in plain NumPy."""
-    axis = rotation[1:]
-    twice = 2.0 * np.cross(axis, vector)
-    return np.asarray(vector) + rotation[0] * twice + np.cross(axis, twice)

@@ -13,7 +13,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from footik_runtime.anthropometry import Anatomy, Segment, turned
+from footik_runtime.anthropometry import Anatomy, Segment
+from footik_runtime.quat_arrays import conj, mul, rotate
 from footik_runtime.rig import Leg, Rig
 
 Array = NDArray[np.float64]
@@ -44,6 +45,8 @@ _KNOBS = {
     Segment.SHANK: 0.036,
     Segment.FOOT: 0.026,
 }
+# How long the last part of an arm is whose far end the skeleton does not tell.
+_STUMPS = {Segment.FOREARM: 0.155, Segment.HAND: 0.085}
 # Half width and half depth of the torso along the spine, from the hips (0) to the neck's base (1).
 _TORSO = np.array([0.0, 0.25, 0.6, 0.85, 1.0])
 _WIDTH = np.array([0.082, 0.075, 0.092, 0.096, 0.075])
@@ -106,7 +109,7 @@ class _Artist:
 
     def local(self, joint: int, vector: Array) -> Array:
         """A model-frame direction of the rest pose, in the joint's frame."""
-        return turned(self.anatomy.rotations[joint] * [1.0, -1.0, -1.0, -1.0], vector)
+        return rotate(conj(self.anatomy.rotations[joint]), vector)
 
     def tone(self, joint: int) -> str:
         segment = self.anatomy.segments[joint]
@@ -121,6 +124,8 @@ class _Artist:
         if joint in skeleton.tips:
             ends.append(np.asarray(skeleton.tips[joint], dtype=np.float64))
         ends = [end for end in ends if np.linalg.norm(end) > 0.005 * self.h]
+        if segment in _STUMPS and not skeleton.children(joint) and self.first_of_segment(joint):
+            ends = ends or self.stump(joint)
         if segment in (Segment.HAND, Segment.OTHER, Segment.PELVIS):
             return ends
         return sorted(ends, key=np.linalg.norm)[-1:]
@@ -142,8 +147,6 @@ class _Artist:
         if shapes and self.first_of_segment(joint) and segment in _KNOBS:
             r = min(_KNOBS[segment] * self.h, 0.45 * float(np.linalg.norm(self.bones(joint)[0])))
             shapes.append(self.ball(joint, np.zeros(3), np.full(3, r), "dark", solid=False))
-        if segment == Segment.HAND and not self.bones(joint) and self.first_of_segment(joint):
-            shapes += self.stump(joint)
         return shapes
 
     def first_of_segment(self, joint: int) -> bool:
@@ -187,17 +190,14 @@ class _Artist:
             solid=solid,
         )
 
-    def stump(self, joint: int) -> list[Shape]:
-        """A hand of which the skeleton has the wrist only: it goes on along the forearm."""
+    def stump(self, joint: int) -> list[Array]:
+        """Where a part of the arm ends that is a leaf without a tip: on along its parent's bone."""
         skeleton = self.rig.skeleton
-        along = skeleton.offsets[joint]
-        parent_turn = self.anatomy.rotations[skeleton.parents[joint]]
-        along = self.local(joint, turned(parent_turn, along))
-        length = float(np.linalg.norm(along))
-        if length < 1e-9:
-            return []
-        end = along / length * 0.085 * self.h
-        return [self.capsule(joint, 0.1 * end, 0.9 * end, 0.018 * self.h)]
+        bone = skeleton.offsets[joint]
+        along = rotate(self.anatomy.rotations[skeleton.parents[joint]], bone)
+        length = _STUMPS[self.anatomy.segments[joint]] * self.h
+        reach = float(np.linalg.norm(bone))
+        return [self.local(joint, along) * (length / reach)] if reach > 1e-9 else []
 
     def torso(self) -> list[Shape]:
         """Pelvis, and one ellipsoid around each bone of the spine, wide as a body is there."""
@@ -216,7 +216,7 @@ class _Artist:
                 continue
             bone = self.rig.skeleton.offsets[child]
             half = [np.interp(middle, _TORSO, _DEPTH) * h, np.interp(middle, _TORSO, _WIDTH) * h]
-            size = np.array([*half, 0.5 * length + 0.035 * h])
+            size = np.array([*half, 0.5 * length + 0.060 * h])
             shapes.append(self.ball(joint, 0.5 * bone, size, "body", axis=bone))
         return shapes
 
@@ -226,7 +226,7 @@ class _Artist:
         if head < 0:
             return []
         tip = np.asarray(self.rig.skeleton.tips.get(head, np.zeros(3)), dtype=np.float64)
-        above = float(turned(self.anatomy.rotations[head], tip) @ self.up)
+        above = float(rotate(self.anatomy.rotations[head], tip) @ self.up)
         base = float((positions[self.anatomy.spine[-1]] - positions[head]) @ self.up)
         vertex = max(above, base + 0.142 * h)
         up, forward = self.local(head, self.up), self.local(head, self.forward)
@@ -241,42 +241,53 @@ class _Artist:
     def foot(self, leg: Leg) -> list[Shape]:
         """Boxes on the sole, heel to ball and ball to tip, and an instep above them."""
         sole, ankle, h = leg.sole, leg.ankle, self.h
-        tone = self.tone(ankle)
         thick = min(0.5 * sole.height, 0.018 * h) if sole.height > 0.0 else 0.01 * h
-        toe = leg.toe if leg.toe >= 0 else ankle
         front = sole.ball if leg.toe >= 0 else sole.tip
         frame = np.asarray(sole.frame, dtype=np.float64)
-        shapes = [self.slab(ankle, leg, -sole.heel, front, thick, tone)]
+        shapes = [self.slab(ankle, sole.frame, -sole.heel, front, (-sole.height, thick), leg)]
         if leg.toe >= 0:
-            shapes.append(self.slab(toe, leg, sole.ball, sole.tip, 0.8 * thick, tone))
-        drop = thick - sole.height
-        back = turned(frame, np.array([-0.35 * sole.heel, 0.0, 0.5 * drop]))
-        to = turned(frame, np.array([0.9 * sole.ball, 0.0, drop]))
+            shapes.append(self.toes(leg, 0.8 * thick))
+        # The instep stays above the sole, which alone meets the ground.
+        radius = max(min(0.75 * sole.half_width, 0.024 * h, 0.45 * sole.height), 0.004 * h)
+        rise = max(radius + 0.1 * thick, thick) - sole.height
+        back = rotate(frame, np.array([-0.35 * sole.heel, 0.0, 0.6 * rise]))
+        to = rotate(frame, np.array([0.9 * sole.ball, 0.0, rise]))
         if np.linalg.norm(to - back) > 0.01 * h:
-            radius = min(0.6 * sole.half_width, 0.024 * h)
-            shapes.append(self.capsule(ankle, back, to, max(radius, 0.004 * h)))
+            shapes.append(self.capsule(ankle, back, to, radius))
         return [s for s in shapes if (s.size[: 2 if s.kind == CAPSULE else 3] > 0.0).all()]
 
+    def toes(self, leg: Leg, thick: float) -> Shape:
+        """The box from ball to tip: it turns with the toes, so it lies along their own frame."""
+        sole, anatomy = leg.sole, self.anatomy
+        turn = mul(anatomy.rotations[leg.ankle], sole.frame)
+        under = rotate(turn, np.array([sole.ball, 0.0, -sole.height]))
+        ball = anatomy.positions[leg.ankle] + under - anatomy.positions[leg.toe]
+        ball = rotate(mul(conj(sole.toe_frame), conj(anatomy.rotations[leg.toe])), ball)
+        span = (float(ball[0]), float(ball[0]) + sole.tip - sole.ball)
+        return self.slab(leg.toe, sole.toe_frame, *span, (float(ball[2]), thick), leg)
+
     def slab(
-        self, joint: int, leg: Leg, back: float, front: float, thick: float, tone: str
+        self,
+        joint: int,
+        frame: Array,
+        back: float,
+        front: float,
+        stack: tuple[float, float],
+        leg: Leg,
     ) -> Shape:
-        """A box on the sole from `back` to `front` along the sole frame's x, carried by a joint."""
-        sole, ankle, anatomy = leg.sole, leg.ankle, self.anatomy
-        frame = np.asarray(sole.frame, dtype=np.float64)
-        centre = np.array([0.5 * (back + front), 0.0, 0.5 * thick - sole.height])
-        turn = np.empty(4)
-        mujoco.mju_mulQuat(turn, anatomy.rotations[ankle], frame)
-        point = anatomy.positions[ankle] + turned(turn, centre) - anatomy.positions[joint]
-        rotation = np.empty(4)
-        inverse = anatomy.rotations[joint] * [1.0, -1.0, -1.0, -1.0]
-        mujoco.mju_mulQuat(rotation, inverse, turn)
+        """A box on the sole, in a frame at the joint: from `back` to `front` along its x.
+
+        `stack` holds the height of its underside and its thickness, m.
+        """
+        under, thick = stack
+        centre = np.array([0.5 * (back + front), 0.0, under + 0.5 * thick])
         return Shape(
             joint=joint,
             kind=BOX,
-            position=turned(inverse, point),
-            rotation=rotation,
-            size=np.array([0.5 * (front - back), sole.half_width, 0.5 * thick]),
-            tone=tone,
+            position=rotate(frame, centre),
+            rotation=np.asarray(frame, dtype=np.float64),
+            size=np.array([0.5 * (front - back), leg.sole.half_width, 0.5 * thick]),
+            tone=self.tone(leg.ankle),
         )
 
 

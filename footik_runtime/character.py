@@ -14,16 +14,32 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from footik_runtime.anthropometry import find_anatomy, segment_masses, turned
+from footik_runtime.anthropometry import find_anatomy, segment_masses
 from footik_runtime.body_shapes import CAPSULE, Shape, body_shapes
 from footik_runtime.compiled import compiled
-from footik_runtime.errors import FootIKError, listed, unknown_name
+from footik_runtime.errors import FootIKError, unknown_name
 from footik_runtime.math3d import get3, get4, quat_conj, quat_mul, set3, set4
+from footik_runtime.model_skeleton import (
+    body_id,
+    require_drivable,
+    require_same_tree,
+    skeleton_from_model,
+)
 from footik_runtime.rig import Rig
-from footik_runtime.skeleton import Skeleton
+from footik_runtime.sole import all_sole_points
 
 Array = NDArray[np.float64]
 Color = tuple[float, float, float, float]
+
+__all__ = [
+    "CHARACTER_GROUP",
+    "Character",
+    "CharacterLook",
+    "build_character",
+    "model_path",
+    "skeleton_from_model",
+    "write_qpos",
+]
 
 CHARACTER_GROUP = 2
 """The geom group of characters: rays that look for ground leave it out."""
@@ -34,8 +50,6 @@ _CONTYPE, _CONAFFINITY = 2, 1
 _BARE_MASS = 1e-3
 _BARE_INERTIA = 1e-5
 _IDENTITY = (1.0, 0.0, 0.0, 0.0)
-_FREE = int(mujoco.mjtJoint.mjJNT_FREE)
-_BALL = int(mujoco.mjtJoint.mjJNT_BALL)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,12 +130,8 @@ def _add_bodies(
 ) -> list:
     """A body with its joint for each joint of the skeleton; the rest pose's soles are at z = 0."""
     bodies = []
-    soles = [
-        (positions[leg.ankle] + turned(_times(rotations[leg.ankle], leg.sole.frame), down))[2]
-        for leg in rig.legs
-        for down in (np.array([0.0, 0.0, -leg.sole.height]),)
-    ]
-    start = positions[0] - [0.0, 0.0, min(soles, default=0.0)]
+    heights = all_sole_points(rig, positions[None], rotations[None])[..., 2] if rig.legs else 0.0
+    start = positions[0] - [0.0, 0.0, float(np.min(heights))]
     for joint, joint_name in enumerate(rig.skeleton.names):
         parent = int(rig.skeleton.parents[joint])
         above = spec.worldbody if parent < 0 else bodies[parent]
@@ -140,12 +150,6 @@ def _damping(value: float) -> float | list[float]:
     """Joint damping as this MuJoCo's MjSpec has it: one number, or a polynomial's coefficients."""
     sample = mujoco.MjSpec().worldbody.add_body().add_joint().damping
     return value if np.ndim(sample) == 0 else [value] + [0.0] * (np.size(sample) - 1)
-
-
-def _times(a: Array, b: Array) -> Array:
-    product = np.empty(4)
-    mujoco.mju_mulQuat(product, np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64))
-    return product
 
 
 def _add_materials(spec: mujoco.MjSpec, prefix: str, look: CharacterLook) -> None:
@@ -204,9 +208,9 @@ class Character:
 
     @classmethod
     def _bound(cls, model: mujoco.MjModel, rig: Rig, prefix: str) -> Character:
-        bodies = [_body_id(model, prefix + joint_name) for joint_name in rig.skeleton.names]
-        _require_same_tree(model, rig.skeleton, bodies)
-        _require_drivable(model, bodies)
+        bodies = [body_id(model, prefix + joint_name) for joint_name in rig.skeleton.names]
+        require_same_tree(model, rig.skeleton, bodies)
+        require_drivable(model, bodies)
         joints = [int(model.body_jntadr[b]) for b in bodies]
         dofs = [np.arange(model.body_dofnum[b]) + model.body_dofadr[b] for b in bodies]
         rest = np.array([_IDENTITY, *(model.body_quat[b] for b in bodies[1:])])
@@ -285,93 +289,3 @@ def write_qpos(qpos_row, address, root_position, rotations, rest):
             if rest.shape[0] > 0:
                 q = quat_mul(quat_conj(get4(rest[j])), q)
             set4(qpos_row[address[j] :], q)
-
-
-def skeleton_from_model(model: mujoco.MjModel, root_body: str | None = None) -> Skeleton:
-    """The skeleton of a model's bodies: a free root, and at most one ball joint each below it.
-
-    The bodies' own rotations become rest rotations. A leaf's tip is guessed as twice the way to
-    its centre of mass.
-
-    Args:
-        model: compiled.
-        root_body: name of the body with the free joint; by default the one that carries most.
-
-    Raises:
-        FootIKError: no such body, no free joint, or joints that this cannot drive.
-    """
-    free = [b for b in range(1, model.nbody) if _joint_types(model, b) == [_FREE]]
-    if root_body is not None:
-        root = _body_id(model, root_body)
-    elif free:
-        root = max(free, key=lambda b: (len(_descendants(model, b)), -b))
-    else:
-        raise FootIKError("the model has no body with a free joint, so no character to drive.")
-    bodies = _descendants(model, root)
-    _require_drivable(model, bodies)
-    place = {body: i for i, body in enumerate(bodies)}
-    parents = [-1] + [place[int(model.body_parentid[b])] for b in bodies[1:]]
-    leaves = [i for i in range(len(bodies)) if i not in parents]
-    tips = {i: 2.0 * model.body_ipos[bodies[i]] for i in leaves}
-    # A free joint's qpos replaces the root body's own rotation, as row 0 of a pose does.
-    rest = model.body_quat[bodies].copy()
-    return Skeleton(
-        names=tuple(model.body(b).name or f"body{b}" for b in bodies),
-        parents=np.array(parents, dtype=np.int32),
-        offsets=model.body_pos[bodies].copy(),
-        rest_rotations=rest,
-        tips={i: tip for i, tip in tips.items() if np.linalg.norm(tip) > 1e-6},
-    )
-
-
-def _descendants(model: mujoco.MjModel, root: int) -> list[int]:
-    inside = {root}
-    for body in range(root + 1, model.nbody):
-        if int(model.body_parentid[body]) in inside:
-            inside.add(body)
-    return sorted(inside)
-
-
-def _joint_types(model: mujoco.MjModel, body: int) -> list[int]:
-    first = int(model.body_jntadr[body])
-    return [int(model.jnt_type[first + i]) for i in range(model.body_jntnum[body])]
-
-
-def _body_id(model: mujoco.MjModel, name: str) -> int:
-    body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name)
-    if body < 0:
-        names = (model.body(b).name or f"body{b}" for b in range(1, model.nbody))
-        raise unknown_name("body", name, names)
-    return body
-
-
-def _require_same_tree(model: mujoco.MjModel, skeleton: Skeleton, bodies: list[int]) -> None:
-    for joint, parent in enumerate(skeleton.parents):
-        above = int(model.body_parentid[bodies[joint]])
-        if parent >= 0 and above != bodies[parent]:
-            raise FootIKError(
-                f"the rig is not this model's: joint {skeleton.names[joint]!r} hangs on "
-                f"{skeleton.names[parent]!r}, its body on {model.body(above).name!r}."
-            )
-
-
-def _require_drivable(model: mujoco.MjModel, bodies: list[int]) -> None:
-    """A free root, and below it no joint or one ball joint at each body's origin."""
-    root, others = bodies[0], bodies[1:]
-    if _joint_types(model, root) != [_FREE]:
-        raise FootIKError(f"body {model.body(root).name!r} must have a free joint: it is the root.")
-    bad = [b for b in others if _joint_types(model, b) not in ([], [_BALL])]
-    if bad:
-        joints = [
-            model.joint(int(model.body_jntadr[b]) + i).name or f"a joint of {model.body(b).name!r}"
-            for b in bad
-            for i in range(model.body_jntnum[b])
-        ]
-        raise FootIKError(
-            "hinge-jointed robots are not driven yet: below the root each body may have one ball "
-            f"joint or none, but these are others: {listed(joints)}."
-        )
-    balls = {int(model.body_jntadr[b]) for b in others if model.body_jntadr[b] >= 0}
-    away = [model.joint(j).name for j in sorted(balls) if model.jnt_pos[j].any()]
-    if away:
-        raise FootIKError(f"ball joints must be at their body's origin: {listed(away)} are not.")
