@@ -77,9 +77,11 @@ class Crowd:
         self._parts = _shares(count, threads)
         self._blocks = [
             _new_block(min(part.stop - part.start, BLOCK), joints, len(legs))
-            for part in self._parts
+            for part in self._parts[1:]
         ]
-        self.block = self._blocks[0]
+        # The first one also serves all rows in turn, where one thread must do the work.
+        self.block = _new_block(min(count, BLOCK), joints, len(legs))
+        self._blocks.insert(0, self.block)
         self._pool = ThreadPoolExecutor(len(self._parts)) if len(self._parts) > 1 else None
         self._tables = tuple(self.tables._replace(settings=np.array([self.tables.settings])))
         self.bodies["rate"], self.bodies["enabled"] = 1.0, 1
@@ -152,8 +154,8 @@ class Crowd:
                 self.rotations[here],
             )  # fmt: skip
             before_rays(*rows, self.block, dt, bodies)
-            for probes, hits in zip(self.block.probes, self.block.hits, strict=True):
-                self.ground.cast(probes, hits)
+            for row in range(len(self.bodies[here])):
+                self.ground.cast(self.block.probes[row], self.block.hits[row])
             after_rays(*rows, self.block, dt, bodies)
 
     def _scene_bodies(self) -> Bodies:

@@ -6,6 +6,7 @@ import pytest
 from footik_runtime.builtin import HUMANOID, builtin_motion
 from footik_runtime.crowd import Crowd
 from footik_runtime.errors import FootIKError
+from footik_runtime.ground import NATIVE_RAYS, SceneGround
 from footik_runtime.rooms import BLOCK
 from footik_runtime.scene import Scene
 
@@ -64,3 +65,16 @@ def test_every_row_is_stepped_by_one_thread(scene: Scene) -> None:
 def test_no_thread_is_refused(scene: Scene, threads: int) -> None:
     with pytest.raises(FootIKError, match="at least one thread"):
         Crowd(scene.motion, scene.ground(), threads=threads)
+
+
+def test_threads_with_rays_through_python_give_the_same_bits(walk):
+    def after_steps(threads: int, native: bool) -> bytes:
+        scene = Scene.build(walk, "slope", body=HUMANOID)
+        ground = SceneGround(scene.model, scene.data, native=native)
+        crowd = Crowd(walk, ground, 40, threads=threads)
+        crowd.place(np.stack([np.linspace(0, 4, 40), np.zeros(40), np.zeros(40)], axis=1))
+        for _ in range(4):
+            crowd.step(1 / 60)
+        return crowd.rotations.tobytes()
+
+    assert after_steps(3, native=False) == after_steps(1, native=NATIVE_RAYS)
