@@ -186,11 +186,10 @@ class HumanoidFootIK:
         Aims at the point of the path `ahead` metres on from the nearest one. Returns False, and
         commands a stop, once the end is nearer than half of that.
         """
-        velocity, turn_rate = steer_along(
-            path_w, self.root_w, self.yaw, speed or self.scene.motion.speed, ahead
-        )
+        pace = self.scene.motion.speed if speed is None else speed
+        velocity, turn_rate = steer_along(path_w, self.root_w, self.yaw, pace, ahead)
         self.command(velocity, turn_rate)
-        return velocity != (0.0, 0.0)
+        return velocity != (0.0, 0.0) or turn_rate != 0.0
 
     def step(self, dt: float) -> None:
         """Advance by dt seconds, 0 or more: terrain, character, then qpos and a qvel to match.
