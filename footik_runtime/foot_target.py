@@ -121,7 +121,7 @@ FOOT = np.dtype(
 state: RELEASED or GROUNDED; bump: in a bump stride. floor, body: geom and body it stands on, -1.
 weight: 0 follows the animation, 1 its print. hold, hold_turn: the print (under the ankle, on the
 ground) in its body's frame; gap: height of the watched ground over it. from*: the print a bump
-stride leaves. lift*: the print a swing left, world; spent: the contact was given up early;
+stride leaves. lift*: the print a swing or stride left, world; spent: the contact was given up;
 rolled: how far the ankle, held, would have moved in the frame of release. plan*,
 land*, arch: the foothold ahead. offset*, twist*: what is carried over, and its age. anim*, root_z,
 out*: last frame's animated ankle and final ankle, with the final one's velocity. goal, goal_turn:
@@ -465,13 +465,17 @@ def intend_bump(foot, told, leg, may_bump, probes, settings, bodies_at, bodies_t
     if foot["bump"] and foot["stride_age"] < foot["stride_time"]:
         early = foot["stride_age"] < _LATE * foot["stride_time"]
         if early and plan_moved(foot, told["ankle"][0], told["ankle"][1], settings):
-            ask_under_animation(foot, told, get3(foot["out"]), probes, settings)
+            ask_under_animation(foot, told, get3(foot["lift"]), probes, settings)
         return
     if foot["weight"] < 1.0:
         return
     far = astray(foot, told, leg, settings, bodies_at, bodies_turn)
     if far >= _FORCED or (far >= 1.0 and may_bump):
-        ask_under_animation(foot, told, get3(foot["out"]), probes, settings)
+        # A bump stride lifts off its print, not where the last swing did.
+        point, turn = print_of(foot, bodies_at, bodies_turn)
+        set3(foot["lift"], point)
+        set4(foot["lift_turn"], turn)
+        ask_under_animation(foot, told, point, probes, settings)
 
 
 # --- a frame, after the rays --------------------------------------------------------------------
