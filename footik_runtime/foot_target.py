@@ -47,7 +47,7 @@ from footik_runtime.probes import set_probe
 
 RELEASED, GROUNDED = 0, 1
 NO_PIN, HEEL_PIN, BALL_PIN = -1, 0, 1
-NO_PLAN, ASKED, PLANNED, NOWHERE = 0, 1, 2, 3
+NO_PLAN, ASKED, PLANNED, NOWHERE, ASKED_AGAIN = 0, 1, 2, 3, 4
 
 PROBES = 1 + PATH + WINDOW
 """Probes of a foot: one that watches the ground of its print, and those of a foothold."""
@@ -406,8 +406,8 @@ def astray(foot, told, leg, settings, bodies_at, bodies_turn):
 
 @compiled
 def ask(foot, told, x, y, yaw, lift, probes, settings):
-    """Ask for a foothold at a place."""
-    foot["plan"] = ASKED
+    """Ask for a foothold at a place; again, where there was none last time."""
+    foot["plan"] = ASKED_AGAIN if foot["plan"] == NOWHERE else ASKED
     foot["plan_place"][0], foot["plan_place"][1], foot["plan_yaw"] = x, y, yaw
     foot["plan_ref"] = told["root_z"]
     ask_for_foothold(probes[1:], lift, x, y, yaw, told["root_z"], settings)
@@ -559,11 +559,13 @@ def settle(foot, told, leg, hits, may_set_out, dt, settings, bodies_at, bodies_t
     `may_set_out`: no other foot began a bump stride in this frame. Feet ask before any is answered,
     so both may have asked at once.
     """
-    asked = foot["plan"] == ASKED
+    again = foot["plan"] == ASKED_AGAIN
+    asked = again or foot["plan"] == ASKED
     if asked:
         hear_foothold(foot, told, hits, leg, settings, bodies_at, bodies_turn)
     if foot["state"] == RELEASED:
-        if asked and foot["known"]:
+        # Without a foothold as before, the swing is as before, and its offset goes on decaying.
+        if asked and foot["known"] and not (again and foot["plan"] == NOWHERE):
             follow_swing(foot, told, dt, settings, bodies_at, bodies_turn)
         if foot["plan"] == PLANNED and wants_ground(foot, told, settings):
             age, duration = 0.0, settings["place_time"]
