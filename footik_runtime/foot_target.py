@@ -164,7 +164,6 @@ def reset_foot(foot):
     foot["pin"], foot["locked"], foot["offset_time"] = NO_PIN, 0, 0.0
     foot["air_age"], foot["spent"] = 1e9, 0
     foot["reached"], foot["missing"] = 1, 0.0
-    set4(foot["lift_turn"], (1.0, 0.0, 0.0, 0.0))
 
 
 # --- frames of bodies ---------------------------------------------------------------------------
@@ -438,6 +437,9 @@ def intend(foot, told, leg, may_bump, dt, probes, settings, bodies_at, bodies_tu
     foot["stride_age"] += dt
     foot["air_age"] += dt
     foot["offset_age"] += dt
+    if foot["known"] == 0:
+        set3(foot["lift"], (told["ankle"][0], told["ankle"][1], told["root_z"]))
+        set4(foot["lift_turn"], (1.0, 0.0, 0.0, 0.0))
     give_up_late(foot, told, settings)
     wants = wants_ground(foot, told, settings)
     if foot["state"] == GROUNDED and not wants:
@@ -448,13 +450,12 @@ def intend(foot, told, leg, may_bump, dt, probes, settings, bodies_at, bodies_tu
         set_probe(probes[0], add_scaled(point, _UP, settings["ground_above"]), _DOWN, length)
         intend_bump(foot, told, leg, may_bump, probes, settings, bodies_at, bodies_turn)
         return
-    lift = get3(foot["lift"]) if foot["known"] else get3(told["ankle"])
     if foot["spent"]:
         return
     if told["ahead"] and told["to_plant"] > -1.0:
         x, y = told["place"][0], told["place"][1]
         if foot["plan"] != PLANNED or plan_moved(foot, x, y, settings):
-            ask(foot, told, x, y, told["yaw"], lift, probes, settings)
+            ask(foot, told, x, y, told["yaw"], get3(foot["lift"]), probes, settings)
     elif wants:
         ask_under_animation(foot, told, get3(told["ankle"]), probes, settings)
 
@@ -688,8 +689,6 @@ def remember(foot, told, ankle, turn, dt):
         set3(foot["out_speed"], (0.0, 0.0, 0.0))
     else:
         set3(foot["out_speed"], scale(sub(ankle, get3(foot["out"])), 1.0 / dt))
-    if foot["known"] == 0:
-        set3(foot["lift"], (ankle[0], ankle[1], told["root_z"]))
     set3(foot["out"], ankle)
     set4(foot["out_turn"], turn)
     set3(foot["anim"], get3(told["ankle"]))
