@@ -318,7 +318,8 @@ def follow_swing(foot, told, dt, settings, bodies_at, bodies_turn):
         foot, get3(told["ankle"]), get4(told["turn"]), told["root_z"], progress,
         bodies_at, bodies_turn,
     )  # fmt: skip
-    if told["ahead"]:
+    if told["ahead"] and told["to_plant"] > 0.0:
+        # After the plant it has come to its end, and has stayed there.
         progress = max(progress - dt / max(told["swing_time"], 1e-3), 0.0)
     base, base_turn = swinging(
         foot, get3(foot["anim"]), get4(foot["anim_turn"]), foot["root_z"], progress,
