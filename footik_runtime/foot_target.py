@@ -58,6 +58,7 @@ _FOLLOWED = 1e-3  # m of ground movement under a print that is not worth followi
 _MISSED = 0.004  # m by which a leg may miss its goal before a contact is given up
 _LATE = 0.85  # part of a bump stride after which its target stays where it is
 _HEEL_STANCE = 0.2  # s after a plant in which more and more of a heel lift is allowed
+_LONGEST_LEAD = 0.6  # part of a swing in which its foot may be set down
 _SPOT = 0.1  # m; a swing that goes no further is told by time, not by place
 _FORCED = 2.0  # times the stride distance at which a foot steps whatever the other foot does
 
@@ -360,7 +361,7 @@ def start_stride(foot, bump, age, duration):
 @compiled
 def place_lead(told, settings):
     """How long before a known plant the foot sets out for its print, s."""
-    return min(settings["place_time"], 0.6 * told["swing_time"])
+    return min(settings["place_time"], _LONGEST_LEAD * told["swing_time"])
 
 
 @compiled
@@ -383,6 +384,11 @@ def wants_ground(foot, told, settings):
     if foot["spent"]:
         return False
     if told["ahead"]:
+        if foot["state"] == GROUNDED and foot["bump"] == 0:
+            # Times to a plant stretch with the motion's rate; what was set down stays so.
+            placing = foot["stride_age"] < told["swing_time"]
+            if placing and told["to_plant"] <= _LONGEST_LEAD * told["swing_time"]:
+                return True
         return told["to_plant"] <= place_lead(told, settings)
     if foot["state"] == GROUNDED:
         return told["weight"] > settings["weight_off"]
