@@ -133,7 +133,8 @@ def pose_leg(leg, drop, goal, goal_turn, held, toes, normal, parents, settings, 
     hinge = rotate(hip_turn, get3(leg["hinge"]))
     thigh, shin, came_to, reached = two_bone(hip, knee, ankle, goal, hinge, reach)
     # Joints between hip, knee and ankle keep their local rotations and ride along.
-    over_hip = get4(turn[parents[leg["hip"]]])
+    above = parents[leg["hip"]]
+    over_hip = get4(turn[above]) if above >= 0 else (1.0, 0.0, 0.0, 0.0)
     over_knee = quat_mul(thigh, get4(turn[parents[leg["knee"]]]))
     over_ankle = quat_mul(shin, get4(turn[parents[leg["ankle"]]]))
     set4(local[leg["hip"]], quat_mul(quat_conj(over_hip), quat_mul(thigh, hip_turn)))
