@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 from pathlib import Path
 
@@ -11,22 +12,33 @@ from footik_runtime.errors import FootIKError
 def write_whole(path: str | os.PathLike[str], data: bytes) -> None:
     """Write beside, then rename: a reader sees the old file or the new one, never a part.
 
-    Raises FootIKError where the file cannot be written.
+    What is no file, such as /dev/null or a pipe, is written to as it is. Raises FootIKError where
+    the file cannot be written.
     """
     target = Path(path)
     beside = target.with_name(f".{target.name}.{os.getpid()}.part")
     try:
+        if _is_device(target):
+            target.write_bytes(data)
+            return
         beside.write_bytes(data)
         os.replace(beside, target)
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise FootIKError(f"{target}: the file cannot be written: {reason}.") from None
     finally:
-        beside.unlink(missing_ok=True)
+        with contextlib.suppress(OSError, ValueError):
+            beside.unlink()
+
+
+def _is_device(path: Path) -> bool:
+    return path.exists() and not (path.is_file() or path.is_dir())
 
 
 def require_writable(path: str | os.PathLike[str]) -> None:
     """Find out before long work whether a file can be written where it shall go."""
+    if _is_device(Path(path)) and os.access(path, os.W_OK):
+        return
     folder = Path(path).absolute().parent
     if not folder.is_dir():
         raise FootIKError(f"{path}: there is no folder {folder} to write it in.")
