@@ -64,9 +64,9 @@ def walk(
             require_writable(path)
     settings = FootIKSettings.preset(preset)
     if plot is not None:
-        from footik_runtime.plot import require_matplotlib
+        from footik_runtime.plot import require_plot
 
-        require_matplotlib()
+        require_plot(plot)
     motion, body = _motion(clip, gait, speed if clip is None else None)
     runs = {}
     for name, ik in ((WITHOUT, False), (WITH, True)):

@@ -16,10 +16,23 @@ from footik_runtime.walk import Recording
 _COLOURS = ("#2a6f97", "#e07a5f", "#6a994e")
 
 
-def require_matplotlib() -> None:
-    """Raises FootIKError, saying how to get it, where matplotlib is not installed."""
+def require_plot(path: Path) -> None:
+    """Find out before long work whether a plot can be drawn to this file.
+
+    Raises FootIKError where matplotlib is not installed, saying how to get it, or where it does
+    not know the file's suffix.
+    """
     if importlib.util.find_spec("matplotlib") is None:
         raise FootIKError('a plot needs matplotlib: pip install "footik-runtime[plot]".')
+    from matplotlib.backend_bases import FigureCanvasBase
+
+    kind = _kind(path)
+    if kind not in FigureCanvasBase.get_supported_filetypes():
+        raise FootIKError(f"{path}: a plot cannot be written as {kind!r}; png, svg and pdf can.")
+
+
+def _kind(path: Path) -> str:
+    return path.suffix.lstrip(".").lower() or "png"
 
 
 def plot_walk(path: Path, motion: Motion, without: Recording, recording: Recording) -> None:
@@ -55,8 +68,5 @@ def plot_walk(path: Path, motion: Motion, without: Recording, recording: Recordi
     hips.legend(loc="upper right", ncols=3, fontsize=8)
     figure.suptitle(f"{motion.clip.name}: faint lines without foot IK, strong lines with it")
     buffer = io.BytesIO()
-    kind = path.suffix.lstrip(".").lower() or "png"
-    if kind not in figure.canvas.get_supported_filetypes():
-        raise FootIKError(f"{path}: a plot cannot be written as {kind!r}; png, svg and pdf can.")
-    figure.savefig(buffer, format=kind, dpi=110)
+    figure.savefig(buffer, format=_kind(path), dpi=110)
     write_whole(path, buffer.getvalue())
