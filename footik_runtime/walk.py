@@ -21,6 +21,9 @@ from footik_runtime.sole import BALL, all_sole_points
 
 Array = NDArray[np.float64]
 
+_MOST_FRAMES = 1_000_000
+"""Of a recording: some 10 GB for a skeleton of 31 joints."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Recording:
@@ -75,6 +78,11 @@ def record_walk(
         raise FootIKError(f"seconds must be positive and finite, not {seconds}.")
     if not (np.isfinite(fps) and 1.0 <= fps <= 10000.0):
         raise FootIKError(f"fps must be in [1, 10000], not {fps}.")
+    if seconds * fps > _MOST_FRAMES:
+        raise FootIKError(
+            f"a recording holds at most {_MOST_FRAMES} frames, {_MOST_FRAMES / fps:g} s at "
+            f"{fps:g} Hz, not {seconds:g} s."
+        )
     settings = settings or FootIKSettings()
     ground = scene.ground(settings.groups)
     crowd = Crowd(scene.motion, ground, settings=settings)
