@@ -10,7 +10,7 @@ import numpy as np
 
 import footik_runtime as footik
 from footik_runtime.builtin import HUMANOID, builtin_motion
-from footik_runtime.foot_target import GROUNDED
+from footik_runtime.feet.record import GROUNDED
 
 COUNT, FRAMES = 500, 60
 

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footik_runtime.errors import FootIKError
-from footik_runtime.foot_target import FOOT, FOOT_INPUT, PROBES, reset_foot
+from footik_runtime.feet.plan import PROBES
+from footik_runtime.feet.record import FOOT, FOOT_INPUT, reset_foot
 from footik_runtime.ground import Ground, SceneGround
 from footik_runtime.legs import leg_records
 from footik_runtime.locomotion import BODY

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from footik_runtime.compiled import compiled
-from footik_runtime.foot_target import GROUNDED, PLANNED, planted, to_world
+from footik_runtime.feet.footprint import planted, to_world
+from footik_runtime.feet.record import GROUNDED, PLANNED
 from footik_runtime.inertia import smooth_step, spring
 from footik_runtime.leg_ik import shortfall
 from footik_runtime.legs import usable

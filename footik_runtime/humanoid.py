@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from footik_runtime.crowd import Crowd, check_dt
 from footik_runtime.errors import FootIKError, unknown_name
-from footik_runtime.foot_target import GROUNDED, to_world
+from footik_runtime.feet.footprint import to_world
+from footik_runtime.feet.record import GROUNDED
 from footik_runtime.scene import Scene
 from footik_runtime.settings import FootIKSettings
 from footik_runtime.sole import POINTS

@@ -19,7 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footik_runtime.compiled import compiled
-from footik_runtime.foot_target import BALL_PIN, NO_PIN, to_body
+from footik_runtime.feet.footprint import to_body
+from footik_runtime.feet.record import BALL_PIN, NO_PIN
 from footik_runtime.ground import Ground
 from footik_runtime.legs import pose_leg
 from footik_runtime.locomotion import ask_root, hear_root, root_rows

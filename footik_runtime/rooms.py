@@ -10,13 +10,9 @@ import math
 from collections import namedtuple
 
 from footik_runtime.compiled import compiled
-from footik_runtime.foot_target import (
-    HEEL_PIN,
-    PROBES,
-    intend,
-    remember,
-    settle,
-)
+from footik_runtime.feet.plan import PROBES
+from footik_runtime.feet.record import HEEL_PIN, remember
+from footik_runtime.feet.target import intend, settle
 from footik_runtime.ground import Caster, cast_native
 from footik_runtime.hips import move_hips, wanted_drop
 from footik_runtime.legs import pose_leg

@@ -35,7 +35,7 @@ class Recording:
         roots: (T, 3) joint 0 in the world, m.
         rotations: (T, J, 4) local, wxyz.
         bodies: (T,) of `locomotion.BODY`.
-        feet: (T, legs) of `foot_target.FOOT`.
+        feet: (T, legs) of `feet.record.FOOT`.
         phases: (T, legs) the motion's contact phases.
         run: what the measures need.
     """

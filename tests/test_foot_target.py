@@ -11,18 +11,9 @@ from simulated import DT
 from footik_runtime.builtin import HUMANOID
 from footik_runtime.crowd import Crowd
 from footik_runtime.errors import FootIKError
-from footik_runtime.foot_target import (
-    FOOT,
-    FOOT_INPUT,
-    GROUNDED,
-    RELEASED,
-    planted,
-    reset_foot,
-    sole_pitch,
-    to_body,
-    to_world,
-    wants_ground,
-)
+from footik_runtime.feet.footprint import planted, sole_pitch, to_body, to_world
+from footik_runtime.feet.record import FOOT, FOOT_INPUT, GROUNDED, RELEASED, reset_foot
+from footik_runtime.feet.target import wants_ground
 from footik_runtime.ground import RecordedGround, SceneGround
 from footik_runtime.legs import leg_records
 from footik_runtime.math3d import quat_axis_angle

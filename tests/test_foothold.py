@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from footik_runtime.foothold import (
+from footik_runtime.feet.foothold import (
     PATH,
     WINDOW,
     arch_over,

@@ -10,7 +10,7 @@ import pytest
 
 from footik_runtime import gait
 from footik_runtime.crowd import Crowd
-from footik_runtime.foot_target import FOOT
+from footik_runtime.feet.record import FOOT
 from footik_runtime.ground import SceneGround
 from footik_runtime.math3d import get4, quat_angle, quat_mul, quat_nlerp
 from footik_runtime.motion import Motion

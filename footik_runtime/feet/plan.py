@@ -1,0 +1,56 @@
+"""The plan of a foot: a foothold is asked for, heard of, and kept until its place moves."""
+
+from __future__ import annotations
+
+from footik_runtime.compiled import compiled
+from footik_runtime.feet.foothold import PATH, WINDOW, arch_over, ask_for_foothold, choose_foothold
+from footik_runtime.feet.footprint import to_body
+from footik_runtime.feet.record import ASKED, ASKED_AGAIN, NOWHERE, PLANNED
+from footik_runtime.math3d import get3, get4, quat_heading, set3, set4
+
+PROBES = 1 + PATH + WINDOW
+"""Probes of a foot: one that watches the ground of its print, and those of a foothold."""
+
+
+@compiled
+def ask(foot, told, x, y, yaw, lift, probes, settings):
+    """Ask for a foothold at a place; again, where there was none last time."""
+    foot["plan"] = ASKED_AGAIN if foot["plan"] == NOWHERE else ASKED
+    foot["plan_place"][0], foot["plan_place"][1], foot["plan_yaw"] = x, y, yaw
+    foot["plan_ref"] = told["root_z"]
+    ask_for_foothold(probes[1:], lift, x, y, yaw, told["root_z"], settings)
+
+
+@compiled
+def ask_under_animation(foot, told, lift, probes, settings):
+    """Ask for a foothold where the animated foot is."""
+    yaw = quat_heading(get4(told["turn"]))
+    ask(foot, told, told["ankle"][0], told["ankle"][1], yaw, lift, probes, settings)
+
+
+@compiled
+def plan_moved(foot, x, y, settings):
+    """Whether a place is so far from the one last looked at that it must be looked at again."""
+    dx, dy = x - foot["plan_place"][0], y - foot["plan_place"][1]
+    return dx * dx + dy * dy > settings["replan_distance"] ** 2
+
+
+@compiled
+def hear_foothold(foot, told, hits, leg, settings, bodies_at, bodies_turn):
+    """Turn the answered probes into the planned foothold."""
+    x, y, yaw = foot["plan_place"][0], foot["plan_place"][1], foot["plan_yaw"]
+    lift = get3(foot["lift"])
+    found, point, turn, under = choose_foothold(
+        hits[1:], lift, x, y, yaw, foot["plan_ref"], leg, settings
+    )
+    if not found:
+        foot["plan"] = NOWHERE
+        return
+    foot["plan"] = PLANNED
+    over = arch_over(hits[1:], foot["lift"][2], point[2], settings)
+    foot["arch"] = max(over, settings["swing_lift"])
+    hit = hits[1 + under]
+    foot["land_floor"], foot["land_body"] = hit["geom"], hit["body"]
+    point, turn = to_body(hit["body"], point, turn, bodies_at, bodies_turn)
+    set3(foot["land"], point)
+    set4(foot["land_turn"], turn)
