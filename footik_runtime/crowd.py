@@ -94,6 +94,7 @@ class Crowd:
         for foot in self.feet.reshape(-1):
             reset_foot(foot)
         self.bodies["fresh"] = 1
+        self.bodies["blend"] = self.bodies["enabled"]
         self.bodies["hip_drop"] = self.bodies["hip_speed"] = self.bodies["climb"] = 0.0
         if self.openkcc is not None:
             self.openkcc.reset()

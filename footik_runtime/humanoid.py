@@ -130,14 +130,15 @@ class HumanoidFootIK:
 
     @property
     def enabled(self) -> bool:
-        """Whether feet are placed; switching off leaves the animation as it is."""
+        """Whether feet are placed; without, the animation stays as it is.
+
+        A switch is faded over `FootIKSettings.blend_time`; at once where `place` follows it.
+        """
         return bool(self.crowd.bodies["enabled"][0])
 
     @enabled.setter
     def enabled(self, on: bool) -> None:
-        if bool(on) != self.enabled:
-            self.crowd.bodies["enabled"] = int(on)
-            self.crowd.reset()
+        self.crowd.bodies["enabled"] = int(bool(on))
 
     @property
     def time(self) -> float:

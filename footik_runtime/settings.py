@@ -62,6 +62,7 @@ class FootIKSettings:
         hip_look_ahead: s before a plant in which the hips begin to drop for it.
         hip_let_go: s before a release in which the hips cease to drop for it.
         root_half_life: s, of the spring that carries the root over the ground.
+        blend_time: s in which foot IK is switched on or off.
         groups: geom groups that rays see.
         max_hip_foot: openkcc only: m, its max hip-foot distance.
         foot_height: openkcc only: m of the foot joint over the ground.
@@ -96,6 +97,7 @@ class FootIKSettings:
     hip_look_ahead: float = 0.5
     hip_let_go: float = 0.23
     root_half_life: float = 0.1
+    blend_time: float = 0.3
     groups: tuple[int, ...] = (0,)
     max_hip_foot: float = 0.85
     foot_height: float = 0.05
@@ -195,6 +197,7 @@ RANGES: dict[str, tuple[float, float]] = {
     "hip_look_ahead": (0.0, 2.0),
     "hip_let_go": (0.001, 2.0),
     "root_half_life": (0.0, 5.0),
+    "blend_time": (0.0, 5.0),
     "max_hip_foot": (0.01, 10.0),
     "foot_height": (0.0, 1.0),
     "hip_smooth_time": (0.0, 10.0),

@@ -13,10 +13,13 @@ import numpy as np
 import pytest
 
 from footik_runtime import FootIKError, FootIKSettings, cli, write_bvh
-from footik_runtime.builtin import builtin_motion, humanoid_rig
+from footik_runtime.builtin import HUMANOID, builtin_motion, humanoid_rig
 from footik_runtime.gait import walk as gait_walk
 from footik_runtime.metrics import MEASURES
+from footik_runtime.plot import require_plot
 from footik_runtime.rig_model import find_rig_in_model
+from footik_runtime.scene import Scene
+from footik_runtime.walk import record_walk
 
 SHARED = Path(os.environ.get("FOOTIK_SHARED", Path(__file__).parents[2] / "shared"))
 
@@ -215,3 +218,16 @@ def test_output_that_nobody_reads_ends_quietly():
     errors = process.stderr.read().decode()
     process.wait()
     assert "Traceback" not in errors
+
+
+def test_a_recording_too_long_for_memory_is_refused_at_once() -> None:
+    scene = Scene.build(builtin_motion(), "flat", body=HUMANOID)
+    with pytest.raises(FootIKError, match="at most 1000000 frames"):
+        record_walk(scene, seconds=1e12)
+
+
+def test_a_plot_of_an_unknown_kind_is_refused_before_the_walk() -> None:
+    pytest.importorskip("matplotlib")
+    require_plot(Path("run"))
+    with pytest.raises(FootIKError, match="'xyz'; png, svg and pdf can"):
+        require_plot(Path("run.xyz"))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from simulated import DT, run, soles, stand_on
 
-from footik_runtime.builtin import HUMANOID
+from footik_runtime.builtin import HUMANOID, builtin_motion
 from footik_runtime.errors import FootIKError
 from footik_runtime.humanoid import HumanoidFootIK, steer_along
 from footik_runtime.motion import Motion
@@ -152,8 +152,8 @@ def test_switched_on_again_feet_are_placed_anew(walk: Motion) -> None:
     ik = stand_on(walk, FLAT)
     run(ik, 0.4)
     ik.enabled = False
+    run(ik, 0.4)
     assert all(foot.state == "released" for foot in ik.feet)
-    run(ik, 0.2)
     ik.enabled = True
     run(ik, 1.0)
     assert any(foot.locked for foot in ik.feet)
@@ -214,3 +214,20 @@ def test_velocity_is_the_motions_own_with_physics_between_the_steps(walk):
     # The pelvis surges within a stride, but never goes back and never leaps.
     assert min(speeds[5:]) > 0.8
     assert max(speeds[5:]) < 2.0
+
+
+def test_following_a_path_that_begins_behind_turns_first_and_arrives() -> None:
+    ik = HumanoidFootIK(Scene.build(builtin_motion(), "flat", body=HUMANOID))
+    path = ik.root_w[:2] + np.array([[0.0, 0.0], [-2.0, 0.0]])
+    frames = 0
+    while ik.follow(path) and frames < 20 * 60:
+        ik.step(DT)
+        frames += 1
+    assert np.hypot(*(ik.root_w[:2] - path[-1])) < 0.5
+    assert frames > 60
+
+
+def test_a_speed_of_zero_is_not_the_usual_speed() -> None:
+    ik = HumanoidFootIK(Scene.build(builtin_motion(), "flat", body=HUMANOID))
+    ik.follow(np.array([[0.0, 0.0], [5.0, 0.0]]), speed=0.0)
+    assert (ik.crowd.bodies["velocity"] == 0.0).all()
