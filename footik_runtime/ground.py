@@ -8,7 +8,8 @@ probes go through Python's `mujoco.mj_ray`, with the same answers.
 from __future__ import annotations
 
 from collections import namedtuple
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
+from copy import copy
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -16,23 +17,33 @@ import llvmlite.binding
 import mujoco
 import numpy as np
 from numba import types
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from footik_runtime.compiled import compiled, jit_enabled
-from footik_runtime.errors import FootIKError
+from footik_runtime.errors import FootIKError, listed
+from footik_runtime.flush import (
+    FUNCTIONS,
+    NEAR,
+    Geoms,
+    find_flush,
+    find_flush_through_python,
+    geoms_of,
+)
 from footik_runtime.math3d import TINY, add, add_scaled, dot, get3, norm, set3
 from footik_runtime.probes import HIT, PROBE, set_miss
+from footik_runtime.settings import checked_groups
 
 Array = NDArray[np.float64]
 
 TERRAIN_GROUPS = (0,)
 """Geom groups that rays see by default; characters live in a group of their own."""
 
+ABOVE, REACH = 0.5, 3.0
+"""m over a point at which a ray down to its ground starts, and how far it goes; of a leg of 0.85 m.
+"""
+
 _OLDEST = 3_011_000  # mj_version() of 3.11.0, the first whose mj_ray returns the normal
 _ARGUMENTS = ("m:", "d:", "pnt:", "vec:", "geomgroup:", "flg_static:", "bodyexclude:", "geomid:")
-# m beyond a back face before the ray goes on. Ground that lies on that face, as a floor does under
-# a box at rest, is passed with it where MuJoCo names the box first.
-_PAST_BACK_FACE = 1e-5
 _MOST_BACK_FACES = 8
 # A ray exactly on a grid line of a height field, or on a seam of a mesh, may fall through it in
 # MuJoCo. Characters start at round numbers, where such lines are: rays are cast a hair beside.
@@ -51,6 +62,7 @@ def _load_native_ray() -> bool:
     """Make libmujoco's mj_ray callable from kernels; False where it is not the one we know."""
     text = mujoco.mj_ray.__doc__ or ""
     known = mujoco.mj_version() >= _OLDEST and all(name in text for name in (*_ARGUMENTS, "normal"))
+    known &= all("normal" in (getattr(mujoco, name).__doc__ or "") for name in FUNCTIONS)
     if not (jit_enabled() and known):
         return False
     folder = Path(mujoco.__file__).parent
@@ -59,7 +71,7 @@ def _load_native_ray() -> bool:
     if not libraries:
         return False
     llvmlite.binding.load_library_permanently(libraries[0])
-    return bool(llvmlite.binding.address_of_symbol("mj_ray"))
+    return all(llvmlite.binding.address_of_symbol(name) for name in ("mj_ray", *FUNCTIONS))
 
 
 NATIVE_RAYS = _load_native_ray()
@@ -83,7 +95,7 @@ _mj_ray = types.ExternalFunction(
 
 
 Caster = namedtuple("Caster", "model data groups geom_body")
-"""What `cast_native` needs of a scene: two addresses, the group mask, and the geoms' bodies."""
+"""What `cast_native` needs of a scene: two addresses, the group mask, and `Geoms`, as a tuple."""
 
 
 @compiled
@@ -98,12 +110,13 @@ def _record_hit(probe, travelled, geom, normal, geom_body, hit):
 
 @compiled
 def cast_native(model, data, groups, geom_body, probes, hits, numbers, geom_id):
-    """Cast active probes (N,) into hits (N,); model and data are addresses.
+    """Cast active probes (N,) into hits (N,); model and data are addresses, geom_body `Geoms`.
 
     `numbers` (9,) float64 and `geom_id` (1,) int32 are scratch. Faces that look along the ray are
     passed through: a ray that starts inside a box does not see that box. A ray without direction
     is a miss: MuJoCo would end the process.
     """
+    geoms = Geoms(*geom_body)
     origin, direction, normal = numbers[0:3], numbers[3:6], numbers[6:9]
     for i in range(probes.shape[0]):
         probe, hit = probes[i], hits[i]
@@ -132,9 +145,16 @@ def cast_native(model, data, groups, geom_body, probes, hits, numbers, geom_id):
             if geom_id[0] < 0 or distance < 0.0 or travelled > probe["length"]:
                 break
             if dot(get3(normal), get3(direction)) <= 0.0:
-                _record_hit(probe, travelled, geom_id[0], get3(normal), geom_body, hit)
+                _record_hit(probe, travelled, geom_id[0], get3(normal), geoms.body, hit)
                 break
-            travelled += _PAST_BACK_FACE
+            face = add_scaled(get3(origin), get3(direction), distance)
+            geom, past, facing = find_flush(
+                model, data, groups, geoms, geom_id[0], face, origin, direction, normal
+            )
+            if geom >= 0:
+                _record_hit(probe, max(travelled + past, 0.0), geom, facing, geoms.body, hit)
+                break
+            travelled += NEAR
 
 
 def _cast_through_python(
@@ -166,17 +186,43 @@ def _cast_through_python(
             if float(normal @ probe["direction"]) <= 0.0:
                 _record_hit(probe, travelled, geom_id[0], normal, model.geom_bodyid, hit)
                 break
-            travelled += _PAST_BACK_FACE
+            face = add_scaled(get3(start), get3(probe["direction"]), distance)
+            geom, past, facing = find_flush_through_python(
+                model, data, groups, int(geom_id[0]), face, probe["direction"]
+            )
+            if geom >= 0:
+                at = max(travelled + past, 0.0)
+                _record_hit(probe, at, geom, facing, model.geom_bodyid, hit)
+                break
+            travelled += NEAR
 
 
-def group_mask(groups: Iterable[int]) -> NDArray[np.uint8]:
-    """(6,) mask of the geom groups that rays see. Raises FootIKError for groups outside 0..5."""
+def group_mask(groups: Sequence[int]) -> NDArray[np.uint8]:
+    """(6,) mask of the geom groups that rays see. Raises FootIKError for groups outside 0 to 5."""
     mask = np.zeros(mujoco.mjNGROUP, dtype=np.uint8)
-    for group in groups:
-        if not 0 <= group < mujoco.mjNGROUP:
-            raise FootIKError(f"geom group {group} is not in 0..{mujoco.mjNGROUP - 1}.")
-        mask[group] = 1
+    mask[list(checked_groups(groups))] = 1
     return mask
+
+
+def _shown(groups: Sequence[int]) -> str:
+    return listed(str(group) for group in groups)
+
+
+def _require_same(model: mujoco.MjModel, theirs: mujoco.MjModel) -> None:
+    """Raise FootIKError unless `theirs`, which data was made from, is the model or a copy of it."""
+    if theirs is model:
+        return
+    if (theirs.ngeom, theirs.nbody, theirs.nq) != (model.ngeom, model.nbody, model.nq):
+        raise FootIKError(
+            f"data does not belong to model: it has {theirs.ngeom} geoms, {theirs.nbody} bodies "
+            f"and {theirs.nq} coordinates, the model {model.ngeom}, {model.nbody} and {model.nq}."
+        )
+    parts = ("names", "body_pos", "body_parentid", "geom_bodyid", "geom_type", "geom_pos")
+    for part in (*parts, "geom_size"):
+        if not np.array_equal(getattr(theirs, part), getattr(model, part)):
+            raise FootIKError(
+                f"data does not belong to model: it was made from another, with other {part}."
+            )
 
 
 class SceneGround:
@@ -184,6 +230,10 @@ class SceneGround:
 
     Geoms with alpha 0 are invisible to rays. `data` must have been through mj_kinematics (or any
     step) since bodies moved.
+
+    Attributes:
+        model, data: as given.
+        groups: geom groups that rays see.
     """
 
     def __init__(
@@ -191,21 +241,49 @@ class SceneGround:
         model: mujoco.MjModel,
         data: mujoco.MjData,
         *,
-        groups: Iterable[int] = TERRAIN_GROUPS,
+        groups: Sequence[int] | None = None,
         native: bool = NATIVE_RAYS,
     ) -> None:
+        """Look at a scene.
+
+        Args:
+            model: compiled.
+            data: of that model.
+            groups: geom groups that rays see. By default those of the settings of the crowd that
+                walks here, and `TERRAIN_GROUPS` for rays that are cast without a crowd.
+            native: cast rays from machine code.
+
+        Raises:
+            FootIKError: data of another model, groups that are none, or no native rays here.
+        """
         if native and not NATIVE_RAYS:
             raise FootIKError("native rays are not available with this MuJoCo or without kernels.")
-        if data.geom_xpos.shape[0] != model.ngeom or data.qpos.shape[0] != model.nq:
-            raise FootIKError(
-                f"data does not belong to model: it has {data.geom_xpos.shape[0]} geoms, "
-                f"the model {model.ngeom}."
-            )
+        _require_same(model, data.model)
         self.model = model
         self.data = data
-        self._mask = group_mask(groups)
+        self.groups = checked_groups(TERRAIN_GROUPS if groups is None else groups)
+        self._asked = groups is not None
+        self._mask = group_mask(self.groups)
         self._native = native
-        self._geom_body = np.ascontiguousarray(model.geom_bodyid)
+        self._known: Caster | None = None
+
+    def seeing(self, groups: Sequence[int]) -> SceneGround:
+        """Give a ground to a crowd whose settings ask for these groups: this one where it does.
+
+        Raises FootIKError where it was made for others.
+        """
+        groups = checked_groups(groups)
+        if set(groups) == set(self.groups):
+            return self
+        if self._asked:
+            raise FootIKError(
+                f"the ground was made for the geom groups {_shown(self.groups)}, but the settings "
+                f"ask for {_shown(groups)}: leave them out where the ground is made."
+            )
+        other = copy(self)
+        other.groups, other._asked, other._known = groups, True, None
+        other._mask = group_mask(groups)
+        return other
 
     def cast(self, probes: NDArray[Any], hits: NDArray[Any]) -> None:
         """Answer the active probes; see `Ground.cast`. May be called from several threads."""
@@ -219,16 +297,25 @@ class SceneGround:
         return self._new_caster() if self._native else None
 
     def _new_caster(self) -> Caster:
-        # Addresses are asked anew: MuJoCo may have rebuilt a model in place.
-        return Caster(self.model._address, self.data._address, self._mask, self._geom_body)
+        # Addresses are asked anew: MuJoCo may have rebuilt a model in place, its arrays with it.
+        model, data = self.model._address, self.data._address
+        known = self._known
+        if known is None or (known.model, known.data) != (model, data):
+            geoms = tuple(geoms_of(self.model, self.data))
+            self._known = known = Caster(model, data, self._mask, geoms)
+        return known
 
     def under(
-        self, points: Array, *, above: float = 0.5, reach: float = 3.0
+        self, points: ArrayLike, *, above: float = ABOVE, reach: float = REACH
     ) -> tuple[Array, NDArray[np.int32]]:
         """Terrain height under each of the points (N, 3), and the geom it is; NaN and -1 on a miss.
 
-        Rays start `above` metres over each point, and end `reach` metres lower.
+        Rays start `above` metres over each point, and end `reach` metres lower: absolute, for a
+        ground does not know how large the bodies on it are.
         """
+        points = np.asarray(points, dtype=np.float64)
+        if points.ndim != 2 or points.shape[1] != 3:
+            raise FootIKError(f"points must have shape (N, 3), not {points.shape}.")
         probes, hits = np.zeros(len(points), dtype=PROBE), np.zeros(len(points), dtype=HIT)
         probes["origin"] = points + np.array([0.0, 0.0, above])
         probes["direction"] = [0.0, 0.0, -1.0]
@@ -237,8 +324,10 @@ class SceneGround:
         self.cast(probes, hits)
         return np.where(hits["hit"] == 1, hits["point"][:, 2], np.nan), hits["geom"].copy()
 
-    def height(self, points: Array, *, above: float = 0.5, reach: float = 3.0) -> Array:
+    def height(self, points: ArrayLike, *, above: float = ABOVE, reach: float = REACH) -> Array:
         """Terrain height under each of the points (..., 3), as of `under`."""
+        if np.shape(points)[-1:] != (3,):
+            raise FootIKError(f"points must have shape (..., 3), not {np.shape(points)}.")
         heights, _ = self.under(np.reshape(points, (-1, 3)), above=above, reach=reach)
         return heights.reshape(np.shape(points)[:-1])
 

@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from footik_runtime.errors import FootIKError, unknown_name
+from footik_runtime.rig import Rig
 
 STANDARD_LEG = 0.85
 """Leg length in metres at which lengths in the settings hold as they are."""
@@ -62,7 +63,7 @@ class FootIKSettings:
         hip_look_ahead: s before a plant in which the hips begin to drop for it.
         hip_let_go: s before a release in which the hips cease to drop for it.
         root_half_life: s, of the spring that carries the root over the ground.
-        groups: geom groups that rays see.
+        groups: geom groups that rays see, 0 to 5, one or more; a crowd's ground sees these.
         max_hip_foot: openkcc only: m, its max hip-foot distance.
         foot_height: openkcc only: m of the foot joint over the ground.
         hip_smooth_time: openkcc only: s.
@@ -117,9 +118,11 @@ class FootIKSettings:
                 f"weight_off ({self.weight_off:g}) must be less than weight_on "
                 f"({self.weight_on:g}), or a foot would be placed and released every frame."
             )
-        for group in self.groups:
-            if group not in range(6):
-                raise FootIKError(f"setting groups must hold geom groups 0 to 5, not {group!r}.")
+        if not isinstance(self.correct_overlap, (bool, np.bool_)):
+            raise FootIKError(
+                f"setting correct_overlap must be True or False, not {self.correct_overlap!r}."
+            )
+        object.__setattr__(self, "groups", checked_groups(self.groups))
 
     @classmethod
     def openkcc(cls) -> FootIKSettings:
@@ -140,8 +143,8 @@ class FootIKSettings:
     def preset(cls, name: str) -> FootIKSettings:
         """Settings by name: "default" or "openkcc". Raises FootIKError for any other."""
         presets = {"default": cls, "openkcc": cls.openkcc}
-        if name not in presets:
-            raise unknown_name("preset", name, presets)
+        if not isinstance(name, str) or name not in presets:
+            raise unknown_name("preset", str(name), presets)
         return presets[name]()
 
     def changed(self, **values: Any) -> FootIKSettings:
@@ -156,7 +159,10 @@ class FootIKSettings:
         """The settings as one `SETTINGS` record for compiled code, for a leg of this length.
 
         Lengths are scaled for the default behaviour; OpenKCC's stay as they are, as in OpenKCC.
+        Raises FootIKError for a leg that is not longer than 0 m.
         """
+        if not (math.isfinite(leg_length) and leg_length > 0.0):
+            raise FootIKError(f"a leg must be longer than 0 m, and finite, not {leg_length} m.")
         out = np.zeros((), dtype=SETTINGS)
         size = leg_length / STANDARD_LEG if self.behaviour == "default" else 1.0
         for name in SETTINGS.names or ():
@@ -167,6 +173,23 @@ class FootIKSettings:
             else:
                 out[name] = getattr(self, name) * (size if name in _LENGTHS else 1.0)
         return out[()]
+
+
+def body_size(rig: Rig) -> float:
+    """How large a rig's body is, in parts of the one whose legs are `STANDARD_LEG` long."""
+    return float(rig.leg_lengths.mean()) / STANDARD_LEG
+
+
+def checked_groups(groups: Any) -> tuple[int, ...]:
+    """Geom groups as a tuple of ints. Raises FootIKError unless there is one, and all are."""
+    wrong = groups
+    if isinstance(groups, (tuple, list)) and groups:
+        bad = [g for g in groups if isinstance(g, bool) or not isinstance(g, (int, np.integer))]
+        bad = bad or [g for g in groups if not 0 <= g <= 5]
+        if not bad:
+            return tuple(int(g) for g in groups)
+        wrong = bad[0]
+    raise FootIKError(f"setting groups must hold one or more geom groups 0 to 5, not {wrong!r}.")
 
 
 RANGES: dict[str, tuple[float, float]] = {

@@ -38,7 +38,10 @@ class Terrain:
     def __post_init__(self) -> None:
         check_setting("terrain seed", self.seed, (0, 2**63 - 1))
         check_setting("terrain half_width", self.half_width, (0.5, 1000.0))
-        if not self.pieces:
+        pieces = self.pieces
+        if not isinstance(pieces, (tuple, list)) or not all(isinstance(p, Piece) for p in pieces):
+            raise FootIKError(f"terrain {self.name!r} needs a tuple of pieces, not {pieces!r}.")
+        if not pieces:
             raise FootIKError(f"terrain {self.name!r} needs at least one piece.")
 
     @property
