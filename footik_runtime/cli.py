@@ -30,6 +30,7 @@ from footik_runtime.settings import FootIKSettings, body_size
 from footik_runtime.walk import Recording, record_walk
 
 WITHOUT, WITH = "without IK", "with IK"
+_FRAME_RATES = (1.0, 10000.0)
 
 
 def walk(
@@ -122,7 +123,7 @@ def inspect(
     """
     if json_file is not None:
         require_writable(json_file)
-    loaded = load_clip(clip)
+    loaded = _load(clip)
     rig = find_rig(loaded.skeleton)
     motion = Motion.prepare(loaded, rig)
     facts = _clip_facts(loaded) | _motion_facts(motion)
@@ -141,8 +142,20 @@ def _motion(clip: Path | None, gait: str, speed: float | None) -> tuple[Motion, 
     """The motion to walk, and the model file of its body where it has one."""
     if clip is None:
         return builtin_motion(gait, speed=speed), HUMANOID
-    loaded = load_clip(clip)
+    loaded = _load(clip)
     return Motion.prepare(loaded, find_rig(loaded.skeleton)), None
+
+
+def _load(path: Path) -> Clip:
+    """The clip of a file. Raises FootIKError for a frame rate that no motion has."""
+    clip = load_clip(path)
+    slowest, fastest = _FRAME_RATES
+    if not slowest <= clip.fps <= fastest:
+        raise FootIKError(
+            f"{path}: a motion has {slowest:g} to {fastest:g} frames a second, not {clip.fps:g}: "
+            "is its frame time in seconds?"
+        )
+    return clip
 
 
 def _score(

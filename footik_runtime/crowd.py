@@ -22,7 +22,7 @@ from footik_runtime.motion import Motion
 from footik_runtime.openkcc_rooms import OpenKCCRooms
 from footik_runtime.probes import HIT, PROBE
 from footik_runtime.rooms import BLOCK, Block, Bodies, Tables, after_rays, before_rays, step_native
-from footik_runtime.settings import FootIKSettings, body_size
+from footik_runtime.settings import FootIKSettings, body_size, settings_or_default
 
 Array = NDArray[np.float64]
 
@@ -61,14 +61,18 @@ class Crowd:
                 not native.
 
         Raises:
-            FootIKError: no character, no thread, or a ground made for other groups than the
-                settings'.
+            FootIKError: no character, no thread, a ground made for other groups than the
+                settings', or an argument that is something else.
         """
         if not isinstance(count, (int, np.integer)) or count < 1:
             raise FootIKError(f"a crowd needs at least one character, not {count}.")
         if not isinstance(threads, (int, np.integer)) or threads < 1:
             raise FootIKError(f"a crowd needs at least one thread, not {threads}.")
-        self.motion, self.settings = motion, settings or FootIKSettings()
+        if not isinstance(motion, Motion):
+            raise FootIKError(f"a crowd needs a Motion, not {motion!r}.")
+        if not callable(getattr(ground, "cast", None)):
+            raise FootIKError(f"a crowd needs a ground that casts rays, not {ground!r}.")
+        self.motion, self.settings = motion, settings_or_default(settings)
         seen = ground.seeing(self.settings.groups) if isinstance(ground, SceneGround) else ground
         self.ground: Ground = seen
         skeleton, legs = motion.rig.skeleton, motion.rig.legs

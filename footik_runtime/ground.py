@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections import namedtuple
 from collections.abc import Sequence
 from copy import copy
+from numbers import Real
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -204,6 +205,16 @@ def group_mask(groups: Sequence[int]) -> NDArray[np.uint8]:
     return mask
 
 
+def _points(points: ArrayLike) -> Array:
+    try:
+        out = np.asarray(points, dtype=np.float64)
+    except (TypeError, ValueError):
+        out = np.zeros(0)
+    if out.shape[-1:] != (3,):
+        raise FootIKError(f"points must be numbers of shape (..., 3), not {points!r:.60}.")
+    return out
+
+
 def _shown(groups: Sequence[int]) -> str:
     return listed(str(group) for group in groups)
 
@@ -258,6 +269,8 @@ class SceneGround:
         """
         if native and not NATIVE_RAYS:
             raise FootIKError("native rays are not available with this MuJoCo or without kernels.")
+        if not (isinstance(model, mujoco.MjModel) and isinstance(data, mujoco.MjData)):
+            raise FootIKError(f"a ground needs an MjModel and its MjData, not {model}, {data}.")
         _require_same(model, data.model)
         self.model = model
         self.data = data
@@ -313,9 +326,12 @@ class SceneGround:
         Rays start `above` metres over each point, and end `reach` metres lower: absolute, for a
         ground does not know how large the bodies on it are.
         """
-        points = np.asarray(points, dtype=np.float64)
-        if points.ndim != 2 or points.shape[1] != 3:
+        points = _points(points)
+        if points.ndim != 2:
             raise FootIKError(f"points must have shape (N, 3), not {points.shape}.")
+        numbers = isinstance(above, Real) and isinstance(reach, Real)
+        if not (numbers and np.isfinite(above) and 0.0 < reach < np.inf):
+            raise FootIKError(f"above and reach must be finite, reach positive: {above}, {reach}.")
         probes, hits = np.zeros(len(points), dtype=PROBE), np.zeros(len(points), dtype=HIT)
         probes["origin"] = points + np.array([0.0, 0.0, above])
         probes["direction"] = [0.0, 0.0, -1.0]
@@ -326,17 +342,19 @@ class SceneGround:
 
     def height(self, points: ArrayLike, *, above: float = ABOVE, reach: float = REACH) -> Array:
         """Terrain height under each of the points (..., 3), as of `under`."""
-        if np.shape(points)[-1:] != (3,):
-            raise FootIKError(f"points must have shape (..., 3), not {np.shape(points)}.")
-        heights, _ = self.under(np.reshape(points, (-1, 3)), above=above, reach=reach)
-        return heights.reshape(np.shape(points)[:-1])
+        places = _points(points)
+        heights, _ = self.under(places.reshape(-1, 3), above=above, reach=reach)
+        return heights.reshape(places.shape[:-1])
 
 
 class RecordedGround:
     """Plays recorded hits back, one per active probe, in the order they were asked."""
 
     def __init__(self, hits: Sequence[NDArray[Any]] | NDArray[Any]) -> None:
-        self._hits = np.asarray(hits, dtype=HIT).reshape(-1)
+        told = np.asarray(hits)
+        if told.size and told.dtype != HIT:
+            raise FootIKError(f"recorded hits must be of HIT, not of {told.dtype}.")
+        self._hits = told.astype(HIT).reshape(-1)
         self._next = 0
 
     def cast(self, probes: NDArray[Any], hits: NDArray[Any]) -> None:

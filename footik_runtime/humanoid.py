@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from numbers import Real
 from typing import Any
 
 import mujoco
@@ -14,7 +15,7 @@ from footik_runtime.crowd import Crowd, check_dt
 from footik_runtime.errors import FootIKError, unknown_name
 from footik_runtime.foot_target import GROUNDED, to_world
 from footik_runtime.scene import Scene
-from footik_runtime.settings import FootIKSettings, body_size
+from footik_runtime.settings import FootIKSettings, body_size, settings_or_default
 from footik_runtime.sole import POINTS
 
 Array = NDArray[np.float64]
@@ -116,7 +117,7 @@ class HumanoidFootIK:
 
     def __init__(self, scene: Scene, *, settings: FootIKSettings | None = None) -> None:
         self.scene = scene
-        self.settings = settings or FootIKSettings()
+        self.settings = settings_or_default(settings)
         self.crowd = Crowd(scene.motion, scene.ground(self.settings.groups), settings=self.settings)
         legs = scene.motion.rig.legs
         self.feet = tuple(
@@ -163,7 +164,7 @@ class HumanoidFootIK:
         for foot in self.feet:
             if foot.name == name:
                 return foot
-        raise unknown_name("foot", name, [foot.name for foot in self.feet])
+        raise unknown_name("foot", str(name), [foot.name for foot in self.feet])
 
     def place(self, at_w: ArrayLike, yaw: float = 0.0) -> None:
         """Put the character somewhere, (3,) m, facing yaw, rad; its feet are placed anew."""
@@ -243,9 +244,9 @@ def steer_along(
     path = _numbers(path_w)
     if path.ndim != 2 or path.shape[1] != 2 or len(path) < 2 or not np.isfinite(path).all():
         raise FootIKError(f"a path must be (N, 2) finite points, N at least 2, not {path.shape}.")
-    if not (_are(_numbers(speed), ()) and speed >= 0.0):
+    if not (isinstance(speed, Real) and 0.0 <= speed < math.inf):
         raise FootIKError(f"speed must be 0 or more and finite, not {speed} m/s.")
-    if not (_are(_numbers(ahead), ()) and ahead > 0.0):
+    if not (isinstance(ahead, Real) and 0.0 < ahead < math.inf):
         raise FootIKError(f"ahead must be more than 0 and finite, not {ahead} m.")
     here = np.asarray(root_w)[:2]
     steps = np.diff(path, axis=0)

@@ -55,7 +55,8 @@ class Scene:
             loose: adds whatever else shall be in the scene, before it is compiled.
 
         Raises:
-            FootIKError: no terrain of that name, or a body that does not fit the skeleton.
+            FootIKError: no terrain of that name, a body that does not fit the skeleton, or a scene
+                that MuJoCo cannot compile.
         """
         if not isinstance(terrain, Terrain):
             terrain = make_terrain(terrain, seed=seed)
@@ -68,7 +69,10 @@ class Scene:
         else:
             _attach(spec, Path(body))
         loose(spec)
-        model = spec.compile()
+        try:
+            model = spec.compile()
+        except ValueError as error:
+            raise FootIKError(f"MuJoCo cannot compile this scene: {error}.") from None
         data = mujoco.MjData(model)
         terrain.move(model, data, 0.0)
         mujoco.mj_kinematics(model, data)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields, replace
+from numbers import Real
 from typing import Any, Literal
 
 import numpy as np
@@ -109,9 +110,8 @@ class FootIKSettings:
             raise unknown_name("behaviour", str(self.behaviour), ("default", "openkcc"))
         for name, (low, high) in RANGES.items():
             value = getattr(self, name)
-            if not (
-                isinstance(value, (int, float, np.integer, np.floating)) and low <= value <= high
-            ):
+            is_number = isinstance(value, Real) and not isinstance(value, bool)
+            if not (is_number and low <= value <= high):
                 raise FootIKError(f"setting {name} must be in [{low:g}, {high:g}], not {value!r}.")
         if self.behaviour == "default" and not self.weight_off < self.weight_on:
             raise FootIKError(
@@ -161,7 +161,7 @@ class FootIKSettings:
         Lengths are scaled for the default behaviour; OpenKCC's stay as they are, as in OpenKCC.
         Raises FootIKError for a leg that is not longer than 0 m.
         """
-        if not (math.isfinite(leg_length) and leg_length > 0.0):
+        if not (isinstance(leg_length, Real) and 0.0 < leg_length < math.inf):
             raise FootIKError(f"a leg must be longer than 0 m, and finite, not {leg_length} m.")
         out = np.zeros((), dtype=SETTINGS)
         size = leg_length / STANDARD_LEG if self.behaviour == "default" else 1.0
@@ -180,6 +180,15 @@ def body_size(rig: Rig) -> float:
     return float(rig.leg_lengths.mean()) / STANDARD_LEG
 
 
+def settings_or_default(settings: FootIKSettings | None) -> FootIKSettings:
+    """The settings, or the default ones for None. Raises FootIKError for anything else."""
+    if settings is None:
+        return FootIKSettings()
+    if not isinstance(settings, FootIKSettings):
+        raise FootIKError(f"settings must be a FootIKSettings, not {settings!r}.")
+    return settings
+
+
 def checked_groups(groups: Any) -> tuple[int, ...]:
     """Geom groups as a tuple of ints. Raises FootIKError unless there is one, and all are."""
     wrong = groups
@@ -189,7 +198,7 @@ def checked_groups(groups: Any) -> tuple[int, ...]:
         if not bad:
             return tuple(int(g) for g in groups)
         wrong = bad[0]
-    raise FootIKError(f"setting groups must hold one or more geom groups 0 to 5, not {wrong!r}.")
+    raise FootIKError(f"groups must hold one or more geom groups 0 to 5, not {wrong!r}.")
 
 
 RANGES: dict[str, tuple[float, float]] = {

@@ -17,7 +17,7 @@ from footik_runtime.ground import ABOVE, REACH, SceneGround
 from footik_runtime.motion import Motion
 from footik_runtime.recorded import Run
 from footik_runtime.scene import Scene
-from footik_runtime.settings import FootIKSettings, body_size
+from footik_runtime.settings import FootIKSettings, body_size, settings_or_default
 from footik_runtime.sole import BALL, all_sole_points
 
 Array = NDArray[np.float64]
@@ -84,7 +84,7 @@ def record_walk(
             f"a recording holds at most {_MOST_FRAMES} frames, {_MOST_FRAMES / fps:g} s at "
             f"{fps:g} Hz, not {seconds:g} s."
         )
-    settings = settings or FootIKSettings()
+    settings = settings_or_default(settings)
     ground = scene.ground(settings.groups)
     crowd = Crowd(scene.motion, ground, settings=settings)
     crowd.bodies["enabled"] = int(ik)

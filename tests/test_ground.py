@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from copy import copy
 
 import mujoco
 import numpy as np
@@ -176,7 +177,7 @@ def test_data_of_another_model_is_an_error(scene):
 
 
 def test_geom_group_outside_its_range_is_an_error(scene):
-    with pytest.raises(FootIKError, match=r"geom group 6 is not in 0\.\.5"):
+    with pytest.raises(FootIKError, match="geom groups 0 to 5, not 6"):
         SceneGround(*scene, groups=(6,))
 
 
@@ -288,5 +289,90 @@ def test_an_unknown_ray_function_is_not_called_natively(monkeypatch):
 @pytest.mark.parametrize("group", [-1, 6])
 def test_group_mask_holds_its_groups_and_refuses_others(group):
     assert group_mask((0, 5)).tolist() == [1, 0, 0, 0, 0, 1]
-    with pytest.raises(FootIKError, match=f"geom group {group} is not in"):
+    with pytest.raises(FootIKError, match=f"geom groups 0 to 5, not {group}"):
         group_mask((0, group))
+
+
+FLOORS = {
+    "plane": '<geom name="floor" type="plane" size="0 0 1" pos="0 0 {z!r}"/>',
+    "box": '<geom name="floor" type="box" size="9 9 .5" pos="0 0 {low!r}"/>',
+    "hfield": '<geom name="floor" type="hfield" hfield="even" pos="0 0 {z!r}"/>',
+    "mesh": '<geom name="floor" type="mesh" mesh="slab" pos="0 0 {low!r}"/>',
+}
+ASSETS = """<asset><hfield name="even" nrow="9" ncol="9" size="9 9 1 .5"/>
+<mesh name="slab" vertex="-9 -9 -.5 9 -9 -.5 -9 9 -.5 9 9 -.5 -9 -9 .5 9 -9 .5 -9 9 .5 9 9 .5"/>
+</asset>"""
+
+
+def crate_on_floor(kind: str, crate_first: bool, z: float, half: float):
+    """A crate whose bottom is at the height of a floor, but for rounding."""
+    crate = f'<geom name="crate" type="box" size=".5 .5 {half!r}" pos="0 0 {z + half!r}"/>'
+    floor = FLOORS[kind].format(z=z, low=z - 0.5)
+    both = crate + floor if crate_first else floor + crate
+    hidden = '<geom type="box" size="1 1 1" pos="0 0 {:.9f}" {}/>'
+    hidden = hidden.format(z - 1, 'group="3"') + hidden.format(z - 1, 'rgba="1 1 1 0"')
+    model = mujoco.MjModel.from_xml_string(
+        f"<mujoco>{ASSETS}<worldbody>{hidden}{both}</worldbody></mujoco>"
+    )
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    return model, data
+
+
+@pytest.mark.parametrize("native", sorted({NATIVE_RAYS, False}))
+@pytest.mark.parametrize("crate_first", [False, True])
+@pytest.mark.parametrize("kind", FLOORS)
+def test_a_ray_that_starts_in_a_crate_meets_the_floor_the_crate_rests_on(kind, crate_first, native):
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        z, half = rng.uniform(-1.0, 1.0), rng.uniform(0.3, 0.6)
+        model, data = crate_on_floor(kind, crate_first, float(z), float(half))
+        (hit,) = answered(SceneGround(model, data, native=native), rays([[0.1, 0.2, z + half]]))
+        assert hit["geom"] == model.geom("floor").id
+        assert hit["point"] == pytest.approx([0.1, 0.2, z], abs=1e-6)
+        assert hit["normal"] == pytest.approx([0.0, 0.0, 1.0], abs=1e-6)
+        assert hit["distance"] == pytest.approx(half, abs=1e-6)
+
+
+@pytest.mark.parametrize("native", sorted({NATIVE_RAYS, False}))
+def test_what_rays_do_not_see_is_not_flush_with_a_crate_either(native):
+    model, data = crate_on_floor("plane", True, 0.25, 0.5)
+    model.geom("floor").group[0] = 4
+    assert not answered(SceneGround(model, data, native=native), rays([[0.1, 0.2, 0.6]]))["hit"][0]
+
+
+def test_data_of_a_model_of_equal_counts_is_an_error_and_of_a_copy_is_not(scene):
+    model, _ = scene
+    other = mujoco.MjModel.from_xml_string(SCENE.replace('pos="3 0 .2"', 'pos="3 1 .2"'))
+    with pytest.raises(FootIKError, match="made from another, with other geom_pos"):
+        SceneGround(model, mujoco.MjData(other))
+    SceneGround(model, mujoco.MjData(copy(model)))
+    with pytest.raises(FootIKError, match="an MjModel and its MjData"):
+        SceneGround(None, None)  # pyright: ignore[reportArgumentType]
+
+
+def test_a_geom_that_changes_its_body_is_known_by_its_new_one(scene):
+    model, data = scene
+    ground = SceneGround(model, data)
+    ground.height(np.zeros(3))
+    model.geom_bodyid[model.geom("floor").id] = 1
+    assert answered(ground, rays([[1.0, 1.0, 1.0]]))["body"][0] == 1
+
+
+@pytest.mark.parametrize("points", [np.zeros((2, 2)), "here", [[0.0, 0.0]], 1.0])
+def test_points_that_are_none_are_an_error(scene, points):
+    ground = SceneGround(*scene)
+    for ask in (ground.under, ground.height):
+        with pytest.raises(FootIKError, match="points must be"):
+            ask(points)
+
+
+@pytest.mark.parametrize("how", [{"above": np.nan}, {"reach": 0.0}, {"reach": "far"}])
+def test_a_reach_that_is_none_is_an_error(scene, how):
+    with pytest.raises(FootIKError, match="above and reach must be finite"):
+        SceneGround(*scene).height(np.zeros(3), **how)
+
+
+def test_a_recording_of_something_else_is_an_error():
+    with pytest.raises(FootIKError, match="recorded hits must be of HIT"):
+        RecordedGround(np.zeros(3))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass
+from numbers import Real
 
 import mujoco
 import numpy as np
@@ -93,7 +94,7 @@ class Terrain:
 
         The geoms follow at the next mj_kinematics, mj_forward or mj_step.
         """
-        if not np.isfinite(time):
+        if not (isinstance(time, Real) and np.isfinite(time)):
             raise FootIKError(f"terrain time must be finite, not {time!r}.")
         for piece, site in zip(self.pieces, self.sites, strict=True):
             piece.move(model, data, site, time)
@@ -104,7 +105,10 @@ class Terrain:
         NaN beyond the extent, and where only rays know it: on rubble, stepping stones and moving
         platforms. On an edge between two pieces it is the later one's.
         """
-        x, y = np.broadcast_arrays(np.asarray(x, np.float64), np.asarray(y, np.float64))
+        try:
+            x, y = np.broadcast_arrays(np.asarray(x, np.float64), np.asarray(y, np.float64))
+        except (TypeError, ValueError) as error:
+            raise FootIKError(f"x and y must be numbers of one shape: {error}.") from None
         x_min, x_max, y_min, y_max = self.extent
         inside = (x >= x_min) & (x <= x_max) & (y >= y_min) & (y <= y_max)
         which = np.searchsorted([site.x for site in self.sites], x, side="right") - 1
