@@ -110,8 +110,8 @@ class FootIKSettings:
             raise unknown_name("behaviour", str(self.behaviour), ("default", "openkcc"))
         for name, (low, high) in RANGES.items():
             value = getattr(self, name)
-            is_number = isinstance(value, Real) and not isinstance(value, bool)
-            if not (is_number and low <= value <= high):
+            kinds = (int, float, np.integer, np.floating)
+            if isinstance(value, bool) or not (isinstance(value, kinds) and low <= value <= high):
                 raise FootIKError(f"setting {name} must be in [{low:g}, {high:g}], not {value!r}.")
         if self.behaviour == "default" and not self.weight_off < self.weight_on:
             raise FootIKError(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -15,6 +16,7 @@ from footik_runtime.settings import FootIKSettings
 
 NAN, INF = float("nan"), float("inf")
 NOWHERE = RecordedGround([])
+CROWD: Any = Crowd  # for arguments that no type checker lets through
 
 TWO_FLOORS = """
 <mujoco><worldbody>
@@ -105,11 +107,11 @@ def test_a_ground_of_other_groups_than_the_settings_is_refused(idle):
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda motion: Crowd(motion, NOWHERE, 2.5), "at least one character"),
-        (lambda motion: Crowd(motion, NOWHERE, threads="2"), "at least one thread"),
-        (lambda motion: Crowd(motion, None), "a ground that casts rays, not None"),
-        (lambda _: Crowd(None, NOWHERE), "a Motion, not None"),
-        (lambda motion: Crowd(motion, NOWHERE, settings="openkcc"), "a FootIKSettings"),
+        (lambda motion: CROWD(motion, NOWHERE, 2.5), "at least one character"),
+        (lambda motion: CROWD(motion, NOWHERE, threads="2"), "at least one thread"),
+        (lambda motion: CROWD(motion, None), "a ground that casts rays, not None"),
+        (lambda _: CROWD(None, NOWHERE), "a Motion, not None"),
+        (lambda motion: CROWD(motion, NOWHERE, settings="openkcc"), "a FootIKSettings"),
     ],
 )
 def test_what_is_no_crowd_is_an_error(walk, make, words):
