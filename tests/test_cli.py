@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -169,6 +170,7 @@ Frame Time: 0.0333333
         (("--terrain", "hils"), ("unknown terrain 'hils'", "Did you mean 'hills'", "stairs")),
         (("--preset", "opencc"), ("unknown preset 'opencc'", "openkcc")),
         (("--gait", "wlak"), ("unknown gait", "walk")),
+        (("--gait", "wlak", "--clip", "clip.bvh"), ("unknown gait", "walk")),
         (("--seconds", "-1"), ("seconds must be positive",)),
         (("--seconds", "nan"), ("seconds must be positive",)),
         (("--fps", "0"), ("fps must be in",)),
@@ -231,3 +233,20 @@ def test_a_plot_of_an_unknown_kind_is_refused_before_the_walk() -> None:
     require_plot(Path("run"))
     with pytest.raises(FootIKError, match="'xyz'; png, svg and pdf can"):
         require_plot(Path("run.xyz"))
+
+
+@pytest.mark.parametrize("frame_time", ["0", "-1", "1e-9", "100", "1e300", "nan"])
+@pytest.mark.parametrize("command", [("inspect",), ("walk", "--clip")])
+def test_a_frame_time_that_no_motion_has_is_one_clear_line(
+    monkeypatch, capsys, walk_bvh, tmp_path, command, frame_time
+):
+    text = re.sub(r"Frame Time: \S+", f"Frame Time: {frame_time}", walk_bvh.read_text())
+    code, out, err = run(monkeypatch, capsys, *command, broken(text, tmp_path))
+    assert (code, out, err.count("\n")) == (1, "", 1)
+    assert "frame time" in err
+
+
+def test_a_walk_of_no_time_is_a_walk_of_two_frames(monkeypatch, capsys):
+    code, out, err = run(monkeypatch, capsys, "walk", "--terrain", "flat", "--seconds", "1e-9")
+    assert (code, err) == (0, "")
+    assert "largest hip drop" in out
