@@ -136,7 +136,7 @@ class Crowd:
     def command(self, velocity: ArrayLike, turn_rate: ArrayLike = 0.0) -> None:
         """Tell characters where to go: (C, 2) or (2,) m/s in each root's frame; (C,) or one rad/s.
 
-        The motion's rate follows the speed, or the turn rate of a motion that turns in place, within
+        The motion's rate follows the speed, or the turn rate where it turns in place, within
         half and twice its own.
         Raises FootIKError for other shapes, and numbers that are not finite.
         """
