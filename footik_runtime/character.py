@@ -18,7 +18,7 @@ from footik_runtime.anthropometry import find_anatomy, segment_masses
 from footik_runtime.body_shapes import CAPSULE, Shape, body_shapes
 from footik_runtime.compiled import compiled
 from footik_runtime.errors import FootIKError, unknown_name
-from footik_runtime.math3d import get3, get4, quat_conj, quat_mul, set3, set4
+from footik_runtime.math3d import get3, get4, quat_conj, quat_mul, quat_to_rotvec, set3, set4
 from footik_runtime.model_skeleton import (
     body_id,
     require_drivable,
@@ -265,9 +265,7 @@ class Character:
         if not dt > 0.0:
             data.qvel[self.dofs] = 0.0
             return
-        velocity = np.empty(model.nv)
-        mujoco.mj_differentiatePos(model, velocity, dt, previous_qpos, data.qpos)
-        data.qvel[self.dofs] = velocity[self.dofs]
+        write_qvel(data.qvel, self.dofs, self.qpos_address, previous_qpos, data.qpos, dt)
 
 
 @compiled
@@ -289,3 +287,25 @@ def write_qpos(qpos_row, address, root_position, rotations, rest):
             if rest.shape[0] > 0:
                 q = quat_mul(quat_conj(get4(rest[j])), q)
             set4(qpos_row[address[j] :], q)
+
+
+@compiled
+def write_qvel(qvel_row, dofs, address, before, now, dt):
+    """Write the velocity that leads from one row of qpos to another into one row of qvel.
+
+    Args:
+        qvel_row: (nv,) written in place.
+        dofs, address: (D,) and (J,) as `Character.dofs` and `Character.qpos_address`.
+        before, now: (nq,).
+        dt: seconds between them, above 0.
+    """
+    for k in range(3):
+        qvel_row[dofs[k]] = (now[address[0] + k] - before[address[0] + k]) / dt
+    dof = 3
+    for j in range(address.shape[0]):
+        at = address[j] + 3 if j == 0 else address[j]
+        if at >= 0:
+            turn = quat_to_rotvec(quat_mul(quat_conj(get4(before[at:])), get4(now[at:])))
+            for k in range(3):
+                qvel_row[dofs[dof + k]] = turn[k] / dt
+            dof += 3
