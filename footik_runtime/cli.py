@@ -13,22 +13,24 @@ from typing import Annotated, Any
 import numpy as np
 import tyro
 
-from footik_runtime.builtin import HUMANOID, builtin_motion
+from footik_runtime.builtin import GAITS, HUMANOID, builtin_motion
 from footik_runtime.clip import Clip
 from footik_runtime.compiled import announce_compilation
-from footik_runtime.errors import FootIKError
+from footik_runtime.errors import FootIKError, unknown_name
 from footik_runtime.files import require_writable, write_whole
 from footik_runtime.formats import load_clip
+from footik_runtime.ground import ABOVE, REACH
 from footik_runtime.metrics import as_json, format_table, score
 from footik_runtime.motion import Motion
 from footik_runtime.phases import Phase, phase_curve
 from footik_runtime.progress import Progress
 from footik_runtime.rig import Rig, find_rig
 from footik_runtime.scene import Scene
-from footik_runtime.settings import FootIKSettings
+from footik_runtime.settings import FootIKSettings, body_size
 from footik_runtime.walk import Recording, record_walk
 
 WITHOUT, WITH = "without IK", "with IK"
+_FRAME_RATES = (1.0, 10000.0)
 
 
 def walk(
@@ -63,6 +65,8 @@ def walk(
         if path is not None:
             require_writable(path)
     settings = FootIKSettings.preset(preset)
+    if gait not in GAITS:
+        raise unknown_name("gait", gait, GAITS)
     if plot is not None:
         from footik_runtime.plot import require_plot
 
@@ -82,7 +86,7 @@ def walk(
             each_frame=progress,
         )
         progress.close()
-    table = _score(runs, scene)
+    table = _score(runs, scene, settings)
     print(_heading(motion, terrain, seconds, fps, preset))
     print(format_table(table))
     if json_file is not None:
@@ -119,7 +123,7 @@ def inspect(
     """
     if json_file is not None:
         require_writable(json_file)
-    loaded = load_clip(clip)
+    loaded = _load(clip)
     rig = find_rig(loaded.skeleton)
     motion = Motion.prepare(loaded, rig)
     facts = _clip_facts(loaded) | _motion_facts(motion)
@@ -138,15 +142,29 @@ def _motion(clip: Path | None, gait: str, speed: float | None) -> tuple[Motion, 
     """The motion to walk, and the model file of its body where it has one."""
     if clip is None:
         return builtin_motion(gait, speed=speed), HUMANOID
-    loaded = load_clip(clip)
+    loaded = _load(clip)
     return Motion.prepare(loaded, find_rig(loaded.skeleton)), None
 
 
-def _score(runs: Mapping[str, Recording], scene: Scene) -> dict[str, dict[str, float]]:
-    ground = scene.ground()
+def _load(path: Path) -> Clip:
+    """The clip of a file. Raises FootIKError for a frame rate that no motion has."""
+    clip = load_clip(path)
+    slowest, fastest = _FRAME_RATES
+    if not slowest <= clip.fps <= fastest:
+        raise FootIKError(
+            f"{path}: a motion has {slowest:g} to {fastest:g} frames a second, not {clip.fps:g}: "
+            "is its frame time in seconds?"
+        )
+    return clip
+
+
+def _score(
+    runs: Mapping[str, Recording], scene: Scene, settings: FootIKSettings
+) -> dict[str, dict[str, float]]:
+    ground, size = scene.ground(settings.groups), body_size(scene.motion.rig)
 
     def height(points: np.ndarray, _: np.ndarray) -> np.ndarray:
-        return ground.height(points)
+        return ground.height(points, above=ABOVE * size, reach=REACH * size)
 
     # Ground that moves is known only at the frames of the run; what stands is asked anew.
     asked = height if scene.terrain.static else None

@@ -8,10 +8,11 @@ from __future__ import annotations
 import math
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
+from numbers import Real
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from footik_runtime.errors import FootIKError
 from footik_runtime.feet.plan import PROBES
@@ -23,14 +24,17 @@ from footik_runtime.motion import Motion
 from footik_runtime.openkcc_rooms import OpenKCCRooms
 from footik_runtime.probes import HIT, PROBE
 from footik_runtime.rooms import BLOCK, Block, Bodies, Tables, after_rays, before_rays, step_native
-from footik_runtime.settings import FootIKSettings
+from footik_runtime.settings import FootIKSettings, body_size, settings_or_default
+
+Array = NDArray[np.float64]
 
 
 class Crowd:
     """Characters that share a motion, settings and a ground; all of them step at once.
 
     Attributes:
-        motion, settings, ground: as given.
+        motion, settings: as given.
+        ground: as given; a `SceneGround` sees the settings' groups.
         bodies: (C,) of `BODY`: place the characters and command them here.
         feet: (C, legs) of `FOOT`.
         roots: (C, 3) where joint 0 of each is now, world, m.
@@ -47,13 +51,32 @@ class Crowd:
         settings: FootIKSettings | None = None,
         threads: int = 1,
     ) -> None:
-        """Args are the attributes'; threads share the rows, and change no bit of any result."""
-        if count < 1:
+        """Make characters that stand at the world's origin.
+
+        Args:
+            motion: that all of them play.
+            ground: that all of them walk on.
+            count: how many.
+            settings: of all their feet.
+            threads: that share the rows; their number changes no bit of any result. One thread
+                does the work where Python has to: with the openkcc behaviour, and where rays are
+                not native.
+
+        Raises:
+            FootIKError: no character, no thread, a ground made for other groups than the
+                settings', or an argument that is something else.
+        """
+        if not isinstance(count, (int, np.integer)) or count < 1:
             raise FootIKError(f"a crowd needs at least one character, not {count}.")
-        if threads < 1:
+        if not isinstance(threads, (int, np.integer)) or threads < 1:
             raise FootIKError(f"a crowd needs at least one thread, not {threads}.")
-        self.motion, self.ground = motion, ground
-        self.settings = settings or FootIKSettings()
+        if not isinstance(motion, Motion):
+            raise FootIKError(f"a crowd needs a Motion, not {motion!r}.")
+        if not callable(getattr(ground, "cast", None)):
+            raise FootIKError(f"a crowd needs a ground that casts rays, not {ground!r}.")
+        self.motion, self.settings = motion, settings_or_default(settings)
+        seen = ground.seeing(self.settings.groups) if isinstance(ground, SceneGround) else ground
+        self.ground: Ground = seen
         skeleton, legs = motion.rig.skeleton, motion.rig.legs
         joints = len(skeleton)
         self.tables = Tables(
@@ -85,7 +108,7 @@ class Crowd:
         self.block = _new_block(min(count, BLOCK), joints, len(legs))
         self._blocks.insert(0, self.block)
         self._pool = ThreadPoolExecutor(len(self._parts)) if len(self._parts) > 1 else None
-        self._around = _scene_bodies(ground)
+        self._around = _scene_bodies(self.ground)
         self._native = self._native_arguments()
         self.bodies["rate"], self.bodies["enabled"] = 1.0, 1
         self.bodies["velocity"], self.bodies["turn_rate"] = motion.velocity, motion.yaw_rate
@@ -102,25 +125,33 @@ class Crowd:
         for foot in self.feet.reshape(-1):
             reset_foot(foot)
         self.bodies["fresh"] = 1
+        self.bodies["blend"] = self.bodies["enabled"]
         self.bodies["hip_drop"] = self.bodies["hip_speed"] = self.bodies["climb"] = 0.0
         if self.openkcc is not None:
             self.openkcc.reset()
 
-    def place(self, at: NDArray[np.float64], yaw: NDArray[np.float64] | float = 0.0) -> None:
-        """Put the roots somewhere, (C, 3) m, facing yaw, rad; feet are placed anew."""
-        self.bodies["root"], self.bodies["yaw"] = at, yaw
+    def place(self, at: ArrayLike, yaw: ArrayLike = 0.0) -> None:
+        """Put the roots somewhere, (C, 3) or (3,) m, facing yaw, (C,) or one, rad.
+
+        Feet are placed anew. Raises FootIKError for other shapes, and numbers that are not finite.
+        """
+        count = len(self.bodies)
+        places, yaws = _checked("at", at, count, (3,)), _checked("yaw", yaw, count, ())
+        self.bodies["root"], self.bodies["yaw"] = places, yaws
         self.bodies["ground"], self.bodies["on_ground"] = self.bodies["root"][:, 2], 0
         self.reset()
 
-    def command(
-        self, velocity: NDArray[np.float64], turn_rate: NDArray[np.float64] | float = 0.0
-    ) -> None:
-        """Tell characters where to go: (C, 2) or (2,) m/s in each root's frame, and rad/s.
+    def command(self, velocity: ArrayLike, turn_rate: ArrayLike = 0.0) -> None:
+        """Tell characters where to go: (C, 2) or (2,) m/s in each root's frame; (C,) or one rad/s.
 
         The motion's rate follows the speed where it moves at all, within half and twice its own.
+        Raises FootIKError for other shapes, and numbers that are not finite.
         """
-        self.bodies["velocity"], self.bodies["turn_rate"] = velocity, turn_rate
-        if self.motion.speed > 0.05:
+        count = len(self.bodies)
+        velocities = _checked("velocity", velocity, count, (2,))
+        turn_rates = _checked("turn_rate", turn_rate, count, ())
+        self.bodies["velocity"], self.bodies["turn_rate"] = velocities, turn_rates
+        if not stays_in_place(self.motion):
             speed = np.hypot(*self.bodies["velocity"].T)
             self.bodies["rate"] = np.clip(speed / self.motion.speed, *RATES)
 
@@ -176,14 +207,43 @@ class Crowd:
 
 def check_dt(dt: float) -> None:
     """Raise FootIKError unless dt, s, is finite and 0 or more."""
-    if not (math.isfinite(dt) and dt >= 0.0):
-        raise FootIKError(f"a step's dt must be 0 or more and finite, not {dt}.")
+    if not (isinstance(dt, Real) and math.isfinite(dt) and dt >= 0.0):
+        raise FootIKError(f"a step's dt must be 0 or more and finite, not {dt!r}.")
+
+
+def stays_in_place(motion: Motion) -> bool:
+    """Whether a motion goes too slowly for its rate to follow a speed: idle, or a turn."""
+    return motion.speed <= _STILL * body_size(motion.rig)
 
 
 RATES = (0.5, 2.0)
 """How slow and how fast a motion is played to match a speed, in parts of its own rate."""
 
+_STILL = 0.05  # m/s, for a leg of 0.85 m: slower is drift, not a gait
+
 _WORLD = Bodies(np.zeros((1, 3)), np.array([[1.0, 0.0, 0.0, 0.0]]))
+
+
+def _checked(name: str, value: ArrayLike, count: int, shape: tuple[int, ...]) -> Array:
+    """The value as numbers of this shape, or of this shape for each of the characters."""
+    try:
+        numbers = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise FootIKError(f"{name} must be numbers, not {value!r}.") from None
+    if numbers.shape not in (shape, (count, *shape)):
+        one = f"shape {shape}" if shape else "one number"
+        raise FootIKError(
+            f"{name} must be {one}, or shape {(count, *shape)} for {count} characters, "
+            f"not shape {numbers.shape}."
+        )
+    wrong = ~np.isfinite(numbers)
+    if wrong.any():
+        who, told = "every character", numbers
+        if numbers.shape != shape:
+            row = int(np.argwhere(wrong)[0, 0])
+            who, told = f"character {row}", numbers[row]
+        raise FootIKError(f"{name} must be finite, not {told} for {who}.")
+    return numbers
 
 
 def _joints_needed(motion: Motion) -> NDArray[np.int32]:

@@ -8,7 +8,9 @@ probes go through Python's `mujoco.mj_ray`, with the same answers.
 from __future__ import annotations
 
 from collections import namedtuple
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
+from copy import copy
+from numbers import Real
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -16,17 +18,22 @@ import llvmlite.binding
 import mujoco
 import numpy as np
 from numba import types
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from footik_runtime.compiled import compiled, jit_enabled
-from footik_runtime.errors import FootIKError
+from footik_runtime.errors import FootIKError, listed
 from footik_runtime.math3d import TINY, add, add_scaled, dot, get3, norm, set3
 from footik_runtime.probes import HIT, PROBE, set_miss
+from footik_runtime.settings import checked_groups
 
 Array = NDArray[np.float64]
 
 TERRAIN_GROUPS = (0,)
 """Geom groups that rays see by default; characters live in a group of their own."""
+
+ABOVE, REACH = 0.5, 3.0
+"""m over a point at which a ray down to its ground starts, and how far it goes; of a leg of 0.85 m.
+"""
 
 _OLDEST = 3_011_000  # mj_version() of 3.11.0, the first whose mj_ray returns the normal
 _ARGUMENTS = ("m:", "d:", "pnt:", "vec:", "geomgroup:", "flg_static:", "bodyexclude:", "geomid:")
@@ -169,14 +176,42 @@ def _cast_through_python(
             travelled += _PAST_BACK_FACE
 
 
-def group_mask(groups: Iterable[int]) -> NDArray[np.uint8]:
-    """(6,) mask of the geom groups that rays see. Raises FootIKError for groups outside 0..5."""
+def group_mask(groups: Sequence[int]) -> NDArray[np.uint8]:
+    """(6,) mask of the geom groups that rays see. Raises FootIKError for groups outside 0 to 5."""
     mask = np.zeros(mujoco.mjNGROUP, dtype=np.uint8)
-    for group in groups:
-        if not 0 <= group < mujoco.mjNGROUP:
-            raise FootIKError(f"geom group {group} is not in 0..{mujoco.mjNGROUP - 1}.")
-        mask[group] = 1
+    mask[list(checked_groups(groups))] = 1
     return mask
+
+
+def _points(points: ArrayLike) -> Array:
+    try:
+        out = np.asarray(points, dtype=np.float64)
+    except (TypeError, ValueError):
+        out = np.zeros(0)
+    if out.shape[-1:] != (3,):
+        raise FootIKError(f"points must be numbers of shape (..., 3), not {points!r:.60}.")
+    return out
+
+
+def _shown(groups: Sequence[int]) -> str:
+    return listed(str(group) for group in groups)
+
+
+def _require_same(model: mujoco.MjModel, theirs: mujoco.MjModel) -> None:
+    """Raise FootIKError unless `theirs`, which data was made from, is the model or a copy of it."""
+    if theirs is model:
+        return
+    if (theirs.ngeom, theirs.nbody, theirs.nq) != (model.ngeom, model.nbody, model.nq):
+        raise FootIKError(
+            f"data does not belong to model: it has {theirs.ngeom} geoms, {theirs.nbody} bodies "
+            f"and {theirs.nq} coordinates, the model {model.ngeom}, {model.nbody} and {model.nq}."
+        )
+    parts = ("names", "body_pos", "body_parentid", "geom_bodyid", "geom_type", "geom_pos")
+    for part in (*parts, "geom_size"):
+        if not np.array_equal(getattr(theirs, part), getattr(model, part)):
+            raise FootIKError(
+                f"data does not belong to model: it was made from another, with other {part}."
+            )
 
 
 class SceneGround:
@@ -184,6 +219,10 @@ class SceneGround:
 
     Geoms with alpha 0 are invisible to rays. `data` must have been through mj_kinematics (or any
     step) since bodies moved.
+
+    Attributes:
+        model, data: as given.
+        groups: geom groups that rays see.
     """
 
     def __init__(
@@ -191,21 +230,51 @@ class SceneGround:
         model: mujoco.MjModel,
         data: mujoco.MjData,
         *,
-        groups: Iterable[int] = TERRAIN_GROUPS,
+        groups: Sequence[int] | None = None,
         native: bool = NATIVE_RAYS,
     ) -> None:
+        """Look at a scene.
+
+        Args:
+            model: compiled.
+            data: of that model.
+            groups: geom groups that rays see. By default those of the settings of the crowd that
+                walks here, and `TERRAIN_GROUPS` for rays that are cast without a crowd.
+            native: cast rays from machine code.
+
+        Raises:
+            FootIKError: data of another model, groups that are none, or no native rays here.
+        """
         if native and not NATIVE_RAYS:
             raise FootIKError("native rays are not available with this MuJoCo or without kernels.")
-        if data.geom_xpos.shape[0] != model.ngeom or data.qpos.shape[0] != model.nq:
-            raise FootIKError(
-                f"data does not belong to model: it has {data.geom_xpos.shape[0]} geoms, "
-                f"the model {model.ngeom}."
-            )
+        if not (isinstance(model, mujoco.MjModel) and isinstance(data, mujoco.MjData)):
+            raise FootIKError(f"a ground needs an MjModel and its MjData, not {model}, {data}.")
+        _require_same(model, data.model)
         self.model = model
         self.data = data
-        self._mask = group_mask(groups)
+        self.groups = checked_groups(TERRAIN_GROUPS if groups is None else groups)
+        self._asked = groups is not None
+        self._mask = group_mask(self.groups)
         self._native = native
-        self._geom_body = np.ascontiguousarray(model.geom_bodyid)
+        self._known: Caster | None = None
+
+    def seeing(self, groups: Sequence[int]) -> SceneGround:
+        """Give a ground to a crowd whose settings ask for these groups: this one where it does.
+
+        Raises FootIKError where it was made for others.
+        """
+        groups = checked_groups(groups)
+        if set(groups) == set(self.groups):
+            return self
+        if self._asked:
+            raise FootIKError(
+                f"the ground was made for the geom groups {_shown(self.groups)}, but the settings "
+                f"ask for {_shown(groups)}: leave them out where the ground is made."
+            )
+        other = copy(self)
+        other.groups, other._asked, other._known = groups, True, None
+        other._mask = group_mask(groups)
+        return other
 
     def cast(self, probes: NDArray[Any], hits: NDArray[Any]) -> None:
         """Answer the active probes; see `Ground.cast`. May be called from several threads."""
@@ -219,16 +288,27 @@ class SceneGround:
         return self._new_caster() if self._native else None
 
     def _new_caster(self) -> Caster:
-        # Addresses are asked anew: MuJoCo may have rebuilt a model in place.
-        return Caster(self.model._address, self.data._address, self._mask, self._geom_body)
+        # Addresses are asked anew: MuJoCo may have rebuilt a model in place, its arrays with it.
+        model, data = self.model._address, self.data._address
+        known = self._known
+        if known is None or (known.model, known.data) != (model, data):
+            self._known = known = Caster(model, data, self._mask, self.model.geom_bodyid)
+        return known
 
     def under(
-        self, points: Array, *, above: float = 0.5, reach: float = 3.0
+        self, points: ArrayLike, *, above: float = ABOVE, reach: float = REACH
     ) -> tuple[Array, NDArray[np.int32]]:
         """Terrain height under each of the points (N, 3), and the geom it is; NaN and -1 on a miss.
 
-        Rays start `above` metres over each point, and end `reach` metres lower.
+        Rays start `above` metres over each point, and end `reach` metres lower: absolute, for a
+        ground does not know how large the bodies on it are.
         """
+        points = _points(points)
+        if points.ndim != 2:
+            raise FootIKError(f"points must have shape (N, 3), not {points.shape}.")
+        numbers = isinstance(above, Real) and isinstance(reach, Real)
+        if not (numbers and np.isfinite(above) and 0.0 < reach < np.inf):
+            raise FootIKError(f"above and reach must be finite, reach positive: {above}, {reach}.")
         probes, hits = np.zeros(len(points), dtype=PROBE), np.zeros(len(points), dtype=HIT)
         probes["origin"] = points + np.array([0.0, 0.0, above])
         probes["direction"] = [0.0, 0.0, -1.0]
@@ -237,17 +317,21 @@ class SceneGround:
         self.cast(probes, hits)
         return np.where(hits["hit"] == 1, hits["point"][:, 2], np.nan), hits["geom"].copy()
 
-    def height(self, points: Array, *, above: float = 0.5, reach: float = 3.0) -> Array:
+    def height(self, points: ArrayLike, *, above: float = ABOVE, reach: float = REACH) -> Array:
         """Terrain height under each of the points (..., 3), as of `under`."""
-        heights, _ = self.under(np.reshape(points, (-1, 3)), above=above, reach=reach)
-        return heights.reshape(np.shape(points)[:-1])
+        places = _points(points)
+        heights, _ = self.under(places.reshape(-1, 3), above=above, reach=reach)
+        return heights.reshape(places.shape[:-1])
 
 
 class RecordedGround:
     """Plays recorded hits back, one per active probe, in the order they were asked."""
 
     def __init__(self, hits: Sequence[NDArray[Any]] | NDArray[Any]) -> None:
-        self._hits = np.asarray(hits, dtype=HIT).reshape(-1)
+        told = np.asarray(hits)
+        if told.size and told.dtype != HIT:
+            raise FootIKError(f"recorded hits must be of HIT, not of {told.dtype}.")
+        self._hits = told.astype(HIT).reshape(-1)
         self._next = 0
 
     def cast(self, probes: NDArray[Any], hits: NDArray[Any]) -> None:

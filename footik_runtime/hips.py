@@ -47,5 +47,6 @@ def move_hips(body, wanted, dt, settings):
     target = min(wanted, settings["max_hip_drop"])
     half_life = 0.0 if body["fresh"] else settings["hip_half_life"]
     drop, speed = spring(body["hip_drop"], body["hip_speed"], target, half_life, dt)
-    body["hip_drop"], body["hip_speed"] = clamp(drop, 0.0, settings["max_hip_drop"]), speed
+    within = clamp(drop, 0.0, settings["max_hip_drop"])
+    body["hip_drop"], body["hip_speed"] = within, speed if within == drop else 0.0
     body["fresh"] = 0

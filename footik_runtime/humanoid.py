@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from numbers import Real
 from typing import Any
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from footik_runtime.crowd import Crowd, check_dt
 from footik_runtime.errors import FootIKError, unknown_name
 from footik_runtime.feet.footprint import to_world
 from footik_runtime.feet.record import GROUNDED
 from footik_runtime.scene import Scene
-from footik_runtime.settings import FootIKSettings
+from footik_runtime.settings import FootIKSettings, body_size, settings_or_default
 from footik_runtime.sole import POINTS
 
 Array = NDArray[np.float64]
@@ -117,7 +118,7 @@ class HumanoidFootIK:
 
     def __init__(self, scene: Scene, *, settings: FootIKSettings | None = None) -> None:
         self.scene = scene
-        self.settings = settings or FootIKSettings()
+        self.settings = settings_or_default(settings)
         self.crowd = Crowd(scene.motion, scene.ground(self.settings.groups), settings=self.settings)
         legs = scene.motion.rig.legs
         self.feet = tuple(
@@ -130,14 +131,15 @@ class HumanoidFootIK:
 
     @property
     def enabled(self) -> bool:
-        """Whether feet are placed; switching off leaves the animation as it is."""
+        """Whether feet are placed; without, the animation stays as it is.
+
+        A switch is faded over `FootIKSettings.blend_time`; at once where `place` follows it.
+        """
         return bool(self.crowd.bodies["enabled"][0])
 
     @enabled.setter
     def enabled(self, on: bool) -> None:
-        if bool(on) != self.enabled:
-            self.crowd.bodies["enabled"] = int(on)
-            self.crowd.reset()
+        self.crowd.bodies["enabled"] = int(bool(on))
 
     @property
     def time(self) -> float:
@@ -164,31 +166,40 @@ class HumanoidFootIK:
         for foot in self.feet:
             if foot.name == name:
                 return foot
-        raise unknown_name("foot", name, [foot.name for foot in self.feet])
+        raise unknown_name("foot", str(name), [foot.name for foot in self.feet])
 
-    def place(self, at_w: Array, yaw: float = 0.0) -> None:
+    def place(self, at_w: ArrayLike, yaw: float = 0.0) -> None:
         """Put the character somewhere, (3,) m, facing yaw, rad; its feet are placed anew."""
-        at = np.asarray(at_w, dtype=np.float64)
-        if at.shape != (3,) or not np.isfinite(at).all() or not math.isfinite(yaw):
+        at, turned = _numbers(at_w), _numbers(yaw)
+        if not (_are(at, (3,)) and _are(turned, ())):
             raise FootIKError(f"a place must be three finite numbers and a yaw, not {at_w}, {yaw}.")
-        self.crowd.place(at[None], yaw)
+        self.crowd.place(at, turned)
         self.crowd.step(0.0)  # a pose to write, and from which the first velocities are
         self._write(0.0)
 
-    def command(self, velocity: tuple[float, float], turn_rate: float = 0.0) -> None:
+    def command(self, velocity: ArrayLike, turn_rate: float = 0.0) -> None:
         """Where to go from now on: (forward, left) m/s in the root's frame, and rad/s."""
-        if not np.isfinite([*velocity, turn_rate]).all():
-            raise FootIKError(f"a command must be finite, not {velocity}, {turn_rate}.")
-        self.crowd.command(np.asarray(velocity, dtype=np.float64), turn_rate)
+        way, turning = _numbers(velocity), _numbers(turn_rate)
+        if not (_are(way, (2,)) and _are(turning, ())):
+            raise FootIKError(
+                "a command must be finite, (forward, left) and a turn rate, "
+                f"not {velocity}, {turn_rate}."
+            )
+        self.crowd.command(way, turning)
 
-    def follow(self, path_w: Array, *, speed: float | None = None, ahead: float = 0.5) -> bool:
+    def follow(
+        self, path_w: ArrayLike, *, speed: float | None = None, ahead: float | None = None
+    ) -> bool:
         """Command what leads along a path (N, 2) of points on the ground, m, for the next step.
 
-        Aims at the point of the path `ahead` metres on from the nearest one. Returns False, and
-        commands a stop, once the end is nearer than half of that.
+        Aims at the point of the path `ahead` metres on from the nearest one, by default 0.5 for a
+        leg of 0.85 m and in proportion for others. Returns False, and commands a stop, once the
+        end is nearer than half of that. Raises FootIKError as `steer_along` does.
         """
-        pace = self.scene.motion.speed if speed is None else speed
-        velocity, turn_rate = steer_along(path_w, self.root_w, self.yaw, pace, ahead)
+        motion = self.scene.motion
+        pace = motion.speed if speed is None else speed
+        sight = 0.5 * body_size(motion.rig) if ahead is None else ahead
+        velocity, turn_rate = steer_along(path_w, self.root_w, self.yaw, pace, sight)
         self.command(velocity, turn_rate)
         return velocity != (0.0, 0.0) or turn_rate != 0.0
 
@@ -212,13 +223,33 @@ class HumanoidFootIK:
         mujoco.mj_kinematics(model, data)
 
 
+def _numbers(value: ArrayLike) -> Array:
+    """The value as numbers; one NaN where it holds anything else."""
+    try:
+        return np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        return np.array(np.nan)
+
+
+def _are(numbers: Array, shape: tuple[int, ...]) -> bool:
+    return numbers.shape == shape and bool(np.isfinite(numbers).all())
+
+
 def steer_along(
-    path_w: Array, root_w: Array, yaw: float, speed: float, ahead: float
+    path_w: ArrayLike, root_w: Array, yaw: float, speed: float, ahead: float
 ) -> tuple[tuple[float, float], float]:
-    """Velocity in the root's frame, m/s, and turn rate, rad/s, that lead along a path (N, 2)."""
-    path = np.asarray(path_w, dtype=np.float64)
+    """Velocity in the root's frame, m/s, and turn rate, rad/s, that lead along a path (N, 2).
+
+    Raises FootIKError unless the path's points are finite, two at least, speed is finite and 0 or
+    more, and ahead, m, finite and more than 0.
+    """
+    path = _numbers(path_w)
     if path.ndim != 2 or path.shape[1] != 2 or len(path) < 2 or not np.isfinite(path).all():
         raise FootIKError(f"a path must be (N, 2) finite points, N at least 2, not {path.shape}.")
+    if not (isinstance(speed, Real) and 0.0 <= speed < math.inf):
+        raise FootIKError(f"speed must be 0 or more and finite, not {speed} m/s.")
+    if not (isinstance(ahead, Real) and 0.0 < ahead < math.inf):
+        raise FootIKError(f"ahead must be more than 0 and finite, not {ahead} m.")
     here = np.asarray(root_w)[:2]
     steps = np.diff(path, axis=0)
     lengths = np.maximum(np.hypot(*steps.T), 1e-9)

@@ -43,13 +43,14 @@ def decayed(offset, velocity, age, duration):
 
 
 @compiled
-def limited_velocity(offset, velocity, duration):
+def limited_velocity(offset, velocity, duration, size):
     """The velocity cut so that a decaying offset overshoots by little: |v| <= 4 |x| / T + rest.
 
-    What the offset is too small for would swing far to the other side; 1.5 m/s always remains.
+    What the offset is too small for would swing far to the other side; 1.5 m/s always remains, for
+    a body of that size (1: a leg of 0.85 m).
     """
     speed = norm(velocity)
-    most = 4.0 * norm(offset) / max(duration, 1e-6) + 1.5
+    most = 4.0 * norm(offset) / max(duration, 1e-6) + 1.5 * size
     return velocity if speed <= most else scale(velocity, most / speed)
 
 

@@ -33,6 +33,9 @@ TIMING = np.dtype(
         ("swing_time", "f8"),
         ("print", "f8", 2),
         ("print_yaw", "f8"),
+        ("middle", "f8", 2),
+        ("middle_yaw", "f8"),
+        ("to_middle", "f8"),
         ("pitch", "f8"),
         ("hip", "f8", 3),
         ("extension", "f8"),
@@ -46,9 +49,10 @@ since the last one while in contact, so that it falls at rate 1 and jumps at the
 for a foot that never plants, 0 for one that always stands. to_release: seconds to the end of the
 present contact, 0 in swing, inf for a foot that always stands. swing_time: duration of the swing
 before that plant, s, 0 for a foot without a swing. print (2,) and print_yaw: where that plant's
-flat footprint lies under the ankle, m and rad, in the frame the root has *at the plant*. pitch: how
-far the sole's nose points up then, rad. hip (3,): the leg's hip joint then, in the same frame;
-extension: from there to the ankle, m.
+flat footprint lies under the ankle, m and rad, in the frame the root has *at the plant*. middle,
+middle_yaw: the same in the frame the root has in the middle of the contact, to_middle seconds after
+the plant. pitch: how far the sole's nose points up at the plant, rad. hip (3,): the leg's hip joint
+then, in the same frame; extension: from there to the ankle, m.
 """
 
 
@@ -174,6 +178,10 @@ def _timing(clip: Clip, rig: Rig, velocity: Array, yaw_rate: float) -> NDArray[n
             row["swing_time"][both] = swing / clip.fps
             row["print"][both] = print_xy
             row["print_yaw"][both] = yaw
+            half = 0.5 * length / clip.fps if swing else 0.0
+            middle, turned = _seen_later(complex(*print_xy), half, velocity, yaw_rate)
+            row["middle"][both] = middle.real, middle.imag
+            row["middle_yaw"][both], row["to_middle"][both] = yaw - turned, half
             row["pitch"][both] = np.arcsin(np.clip(ahead[start, 2], -1.0, 1.0))
             row["hip"][both] = positions[start, leg.hip]
             row["extension"][both] = np.linalg.norm(
@@ -198,6 +206,20 @@ def _contacts(contact: NDArray[np.bool_]) -> list[tuple[int, int, int]]:
     return out
 
 
+def _travel(seconds, velocity, yaw_rate):
+    """Where a root that keeps its velocity comes to, seen from its start: x + iy; any shape."""
+    if abs(yaw_rate) < 1e-9:
+        return complex(*velocity) * seconds
+    return complex(*velocity) * (np.exp(1j * yaw_rate * seconds) - 1) / (1j * yaw_rate)
+
+
+def _seen_later(place: complex, seconds: float, velocity, yaw_rate) -> tuple[complex, float]:
+    """A place in the root's frame as the root sees it later, and how far it has turned then."""
+    turned = yaw_rate * seconds
+    moved = place - _travel(seconds, velocity, yaw_rate)
+    return complex(moved * np.exp(-1j * turned)), turned
+
+
 def _footprint(sole, phases, points, ahead, age, velocity, yaw_rate) -> tuple[Array, float]:
     """Where the flat foot of one contact lies: (2,) under the ankle, and its yaw.
 
@@ -205,8 +227,7 @@ def _footprint(sole, phases, points, ahead, age, velocity, yaw_rate) -> tuple[Ar
     velocity, which is taken out; the mean over the contact is the place that moves feet least.
     """
     turn = yaw_rate * age
-    swept = age if abs(yaw_rate) < 1e-9 else (np.exp(1j * turn) - 1) / (1j * yaw_rate)
-    moved = complex(*velocity) * swept
+    moved = _travel(age, velocity, yaw_rate)
     direction = (ahead[:, 0] + 1j * ahead[:, 1]) * np.exp(1j * turn)
     weight = np.where(phases == Phase.FLAT, 1.0, 0.02)
     direction = np.sum(weight * direction)

@@ -51,7 +51,6 @@ from footik_runtime.openkcc import (
     emit_moving_ground_rows,
     emit_moving_overlap_rows,
     emit_rows,
-    foot_hip_offset,
 )
 from footik_runtime.openkcc_target import (
     GROUNDED,
@@ -234,7 +233,6 @@ def show_foot(foot, own, settings, now, hips_height, scene):
     set3(foot["hold"], held)
     set4(foot["hold_turn"], held_turn)
     set3(foot["normal"], get3(own["normal"]))
-    foot["drop"] = -foot_hip_offset(own, settings, now, hips_height)
     placed = grounded and not mid_stride(own, settings, now) and own["weight"] > GROUNDED_WEIGHT
     foot["locked"] = 1 if placed and foot["reached"] else 0
     foot["pin"] = BALL_PIN if foot["locked"] else NO_PIN

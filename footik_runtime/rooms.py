@@ -11,17 +11,22 @@ from collections import namedtuple
 
 from footik_runtime.compiled import compiled
 from footik_runtime.feet.plan import PROBES
-from footik_runtime.feet.record import HEEL_PIN, remember
+from footik_runtime.feet.record import HEEL_PIN, remember, reset_foot
 from footik_runtime.feet.target import intend, settle
 from footik_runtime.ground import Caster, cast_native
 from footik_runtime.hips import move_hips, wanted_drop
+from footik_runtime.inertia import smooth_step
 from footik_runtime.legs import pose_leg
 from footik_runtime.locomotion import ahead_of, ask_root, hear_root, root_rows
 from footik_runtime.math3d import (
     add,
+    clamp,
     get3,
     get4,
+    lerp,
+    quat_heading,
     quat_mul,
+    quat_slerp,
     quat_yaw,
     rotate,
     set3,
@@ -31,6 +36,10 @@ from footik_runtime.motion import sample_pose
 
 BLOCK = 32
 """Rows worked together."""
+
+_SLOWEST = 0.05  # a rate below it, or none, counts as this: what comes next stays at hand
+_MOST_SHIFT = 0.7  # m; how far a print may be from where the animation would put it
+_LONGEST_HALF = 1.0  # s; half of a contact that is looked ahead at most
 
 Tables = namedtuple(
     "Tables",
@@ -70,22 +79,45 @@ def pose_row(body, tables, root, local, moves, at, turn):
 
 
 @compiled
-def tell_foot(body, timing, part, fps, leg, at, turn, told):
+def tell_foot(body, timing, part, fps, leg, at, turn, settings, told):
     """Write what one foot is told: its animated pose, and what the motion's table says of it."""
     set3(told["ankle"], get3(at[leg["ankle"]]))
     set4(told["turn"], quat_mul(get4(turn[leg["ankle"]]), get4(leg["frame"])))
     told["root_z"] = body["root"][2]
     told["weight"] = timing["weight"]
-    told["ahead"] = 1 if math.isfinite(timing["to_plant"]) and body["rate"] > 0.0 else 0
+    told["ahead"] = 1 if math.isfinite(timing["to_plant"]) else 0
     if told["ahead"] == 0:
+        told["to_plant"], told["to_release"], told["swing_time"] = math.inf, math.inf, 0.0
+        for k in range(2):
+            told["place"][k] = told["due"][k] = told["ankle"][k]
+        told["yaw"] = quat_heading(get4(told["turn"]))
         return
-    seconds = (timing["to_plant"] - part / fps) / body["rate"]
-    told["to_release"] = (timing["to_release"] - part / fps) / body["rate"]
-    place = ahead_of(body, (timing["print"][0], timing["print"][1], 0.0), seconds)
-    told["to_plant"], told["swing_time"] = seconds, timing["swing_time"] / body["rate"]
-    told["place"][0], told["place"][1] = place[0], place[1]
+    rate = max(body["rate"], _SLOWEST)
+    ticks = timing["to_plant"] - part / fps
+    told["to_plant"], told["swing_time"] = ticks / rate, timing["swing_time"] / rate
+    told["to_release"] = (timing["to_release"] - part / fps) / rate
+    told["progress"] = clamp(1.0 - ticks / max(timing["swing_time"], 1e-3), 0.0, 1.0)
     told["pitch"] = timing["pitch"]
-    told["yaw"] = body["yaw"] + body["turn_rate"] * seconds + timing["print_yaw"]
+    tell_place(body, timing, rate, settings, told)
+
+
+@compiled
+def tell_place(body, timing, rate, settings, told):
+    """Write where the next plant shall be: where the foot is in the middle of its contact.
+
+    At the motion's own velocity that is the print at the plant itself (`due`); at any other the
+    leg is stretched as far back at the end as it is forward at the beginning.
+    """
+    seconds = told["to_plant"]
+    due = ahead_of(body, (timing["print"][0], timing["print"][1], 0.0), seconds)
+    later = min(timing["to_middle"] / rate, _LONGEST_HALF)
+    middle = (timing["middle"][0], timing["middle"][1], 0.0)
+    place = ahead_of(body, middle, seconds + later)
+    x, y = place[0] - due[0], place[1] - due[1]
+    part = min(1.0, _MOST_SHIFT * settings["size"] / max(math.sqrt(x * x + y * y), 1e-9))
+    told["due"][0], told["due"][1] = due[0], due[1]
+    told["place"][0], told["place"][1] = due[0] + part * x, due[1] + part * y
+    told["yaw"] = body["yaw"] + body["turn_rate"] * (seconds + later) + timing["middle_yaw"]
 
 
 @compiled
@@ -113,7 +145,7 @@ def ask_row(body, feet, tables, at, turn, told, probes, dt, scene):
     for i in range(feet.shape[0]):
         leg = tables.legs[i]
         timing = tables.timing[body["frame"], i]
-        tell_foot(body, timing, body["part"], tables.fps, leg, at, turn, told[i])
+        tell_foot(body, timing, body["part"], tables.fps, leg, at, turn, tables.settings, told[i])
         first = 1 + i * PROBES
         intend(
             feet[i], told[i], leg, others_locked(feet, i), dt, probes[first : first + PROBES],
@@ -134,13 +166,13 @@ def settle_row(body, feet, tables, at, told, hits, dt, scene):
             tables.settings, scene.at, scene.turn,
         )  # fmt: skip
         timing = tables.timing[body["frame"], i]
-        next_hip = ahead_of(body, get3(timing["hip"]), max(told[i]["to_plant"], 0.0))
+        ahead = clamp(told[i]["to_plant"], 0.0, tables.settings["hip_look_ahead"])
+        next_hip = ahead_of(body, get3(timing["hip"]), ahead)
         drop = wanted_drop(
             feet[i], told[i], leg, get3(at[leg["hip"]]), next_hip, timing["extension"],
             tables.settings,
             scene.at, scene.turn,
         )  # fmt: skip
-        feet[i]["drop"] = drop
         wanted = max(wanted, drop)
     move_hips(body, wanted, dt, tables.settings)
 
@@ -148,16 +180,22 @@ def settle_row(body, feet, tables, at, told, hits, dt, scene):
 @compiled
 def leg_row(body, feet, tables, root, local, at, turn, told, dt):
     """Lower the hips and solve the legs of one character, into its local rotations (J, 4)."""
-    root[2] -= body["hip_drop"]
+    share = smooth_step(body["blend"])
+    drop = share * body["hip_drop"]
+    root[2] -= drop
     for i in range(feet.shape[0]):
         foot = feet[i]
+        goal, goal_turn = get3(foot["goal"]), get4(foot["goal_turn"])
+        if share < 1.0:
+            goal = lerp(get3(told[i]["ankle"]), goal, share)
+            goal_turn = quat_slerp(get4(told[i]["turn"]), goal_turn, share)
         ankle, sole_turn, reached, missing, lift = pose_leg(
-            tables.legs[i], body["hip_drop"], get3(foot["goal"]), get4(foot["goal_turn"]),
-            foot["heel_lift"], foot["toes"], get3(foot["normal"]), tables.parents, tables.settings,
+            tables.legs[i], drop, goal, goal_turn, share * foot["heel_lift"],
+            share * foot["toes"], get3(foot["normal"]), tables.parents, tables.settings,
             local, at, turn,
         )  # fmt: skip
         foot["reached"], foot["missing"] = reached, missing
-        if not reached or (lift > 0.0 and foot["pin"] == HEEL_PIN):
+        if not reached or share < 1.0 or (lift > 0.0 and foot["pin"] == HEEL_PIN):
             foot["locked"] = 0  # a lift turns about the ball, and carries a held heel away
         remember(foot, told[i], ankle, sole_turn, dt)
 
@@ -175,10 +213,32 @@ def pose_rows(bodies, tables, roots, locals_, block):
 
 
 @compiled
+def blend_row(body, feet, dt, settings):
+    """Fade foot IK in or out as it is enabled or not; feet that are out forget everything.
+
+    Returns whether anything is left of it.
+    """
+    step = dt / max(settings["blend_time"], 1e-9)
+    on, before = body["enabled"] != 0, body["blend"]
+    body["blend"] = clamp(before + (step if on else -step), 0.0, 1.0)
+    if body["blend"] == 0.0 and before > 0.0:
+        start_anew(body, feet)
+    return on or body["blend"] > 0.0
+
+
+@compiled
+def start_anew(body, feet):
+    """Feet and hips that know nothing yet: they begin where the animation has them."""
+    body["fresh"], body["hip_drop"], body["hip_speed"] = 1, 0.0, 0.0
+    for i in range(feet.shape[0]):
+        reset_foot(feet[i])
+
+
+@compiled
 def ask_rows(bodies, feet, tables, block, dt, scene):
     """Ask the probes of these rows."""
     for c in range(bodies.shape[0]):
-        if bodies[c]["enabled"]:
+        if blend_row(bodies[c], feet[c], dt, tables.settings):
             ask_row(
                 bodies[c], feet[c], tables, block.at[c], block.turn[c], block.told[c],
                 block.probes[c], dt, scene,
@@ -193,7 +253,7 @@ def ask_rows(bodies, feet, tables, block, dt, scene):
 def settle_rows(bodies, feet, tables, block, dt, scene):
     """Hear the hits of these rows."""
     for c in range(bodies.shape[0]):
-        if bodies[c]["enabled"]:
+        if bodies[c]["enabled"] or bodies[c]["blend"] > 0.0:
             settle_row(
                 bodies[c], feet[c], tables, block.at[c], block.told[c], block.hits[c], dt, scene
             )
@@ -205,7 +265,7 @@ def settle_rows(bodies, feet, tables, block, dt, scene):
 def leg_rows(bodies, feet, tables, roots, locals_, block, dt):
     """Solve the legs of these rows."""
     for c in range(bodies.shape[0]):
-        if bodies[c]["enabled"]:
+        if bodies[c]["enabled"] or bodies[c]["blend"] > 0.0:
             leg_row(
                 bodies[c], feet[c], tables, roots[c], locals_[c], block.at[c], block.turn[c],
                 block.told[c], dt,

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import mujoco
+import numpy as np
 
 from footik_runtime.character import Character, build_character
-from footik_runtime.errors import FootIKError
+from footik_runtime.errors import FootIKError, listed
 from footik_runtime.ground import SceneGround
 from footik_runtime.motion import Motion
 from footik_runtime.terrain import Terrain, make_terrain
@@ -54,10 +55,13 @@ class Scene:
             loose: adds whatever else shall be in the scene, before it is compiled.
 
         Raises:
-            FootIKError: no terrain of that name, or a body that does not fit the skeleton.
+            FootIKError: no terrain of that name, a body that does not fit the skeleton, or a scene
+                that MuJoCo cannot compile.
         """
-        if isinstance(terrain, str):
+        if not isinstance(terrain, Terrain):
             terrain = make_terrain(terrain, seed=seed)
+        if not isinstance(motion, Motion):
+            raise FootIKError(f"a scene needs a Motion, not {motion!r}.")
         spec = mujoco.MjSpec()
         terrain.add_to(spec)
         if body is None:
@@ -65,7 +69,10 @@ class Scene:
         else:
             _attach(spec, Path(body))
         loose(spec)
-        model = spec.compile()
+        try:
+            model = spec.compile()
+        except ValueError as error:
+            raise FootIKError(f"MuJoCo cannot compile this scene: {error}.") from None
         data = mujoco.MjData(model)
         terrain.move(model, data, 0.0)
         mujoco.mj_kinematics(model, data)
@@ -83,9 +90,21 @@ class Scene:
             self.terrain.move(self.model, self.data, time)
             mujoco.mj_kinematics(self.model, self.data)
 
-    def ground(self, groups: tuple[int, ...] = (0,)) -> SceneGround:
-        """What rays see of this scene."""
-        return SceneGround(self.model, self.data, groups=groups)
+    def ground(self, groups: tuple[int, ...] | None = None) -> SceneGround:
+        """What rays see of this scene: these geom groups, or those of a crowd's settings.
+
+        Raises FootIKError where nothing but the character has geoms in these groups.
+        """
+        seen = SceneGround(self.model, self.data, groups=groups)
+        theirs = np.isin(self.model.geom_bodyid, self.character.bodies)
+        there = self.model.geom_group[~theirs]
+        if not np.isin(there, seen.groups).any():
+            names = [f"{group} ({(there == group).sum()})" for group in np.unique(there)]
+            raise FootIKError(
+                f"there is no ground in the geom groups {listed(map(str, seen.groups))}: what is "
+                f"not the character's is in {listed(names) or 'none'}."
+            )
+        return seen
 
 
 def _attach(spec: mujoco.MjSpec, body: Path) -> None:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields, replace
+from numbers import Real
 from typing import Any, Literal
 
 import numpy as np
 
 from footik_runtime.errors import FootIKError, unknown_name
+from footik_runtime.rig import Rig
 
 STANDARD_LEG = 0.85
 """Leg length in metres at which lengths in the settings hold as they are."""
@@ -62,7 +64,8 @@ class FootIKSettings:
         hip_look_ahead: s before a plant in which the hips begin to drop for it.
         hip_let_go: s before a release in which the hips cease to drop for it.
         root_half_life: s, of the spring that carries the root over the ground.
-        groups: geom groups that rays see.
+        blend_time: s in which foot IK is switched on or off.
+        groups: geom groups that rays see, 0 to 5, one or more; a crowd's ground sees these.
         max_hip_foot: openkcc only: m, its max hip-foot distance.
         foot_height: openkcc only: m of the foot joint over the ground.
         hip_smooth_time: openkcc only: s.
@@ -96,6 +99,7 @@ class FootIKSettings:
     hip_look_ahead: float = 0.5
     hip_let_go: float = 0.23
     root_half_life: float = 0.1
+    blend_time: float = 0.3
     groups: tuple[int, ...] = (0,)
     max_hip_foot: float = 0.85
     foot_height: float = 0.05
@@ -108,18 +112,19 @@ class FootIKSettings:
             raise unknown_name("behaviour", str(self.behaviour), ("default", "openkcc"))
         for name, (low, high) in RANGES.items():
             value = getattr(self, name)
-            if not (
-                isinstance(value, (int, float, np.integer, np.floating)) and low <= value <= high
-            ):
+            kinds = (int, float, np.integer, np.floating)
+            if isinstance(value, bool) or not (isinstance(value, kinds) and low <= value <= high):
                 raise FootIKError(f"setting {name} must be in [{low:g}, {high:g}], not {value!r}.")
         if self.behaviour == "default" and not self.weight_off < self.weight_on:
             raise FootIKError(
                 f"weight_off ({self.weight_off:g}) must be less than weight_on "
                 f"({self.weight_on:g}), or a foot would be placed and released every frame."
             )
-        for group in self.groups:
-            if group not in range(6):
-                raise FootIKError(f"setting groups must hold geom groups 0 to 5, not {group!r}.")
+        if not isinstance(self.correct_overlap, (bool, np.bool_)):
+            raise FootIKError(
+                f"setting correct_overlap must be True or False, not {self.correct_overlap!r}."
+            )
+        object.__setattr__(self, "groups", checked_groups(self.groups))
 
     @classmethod
     def openkcc(cls) -> FootIKSettings:
@@ -140,8 +145,8 @@ class FootIKSettings:
     def preset(cls, name: str) -> FootIKSettings:
         """Settings by name: "default" or "openkcc". Raises FootIKError for any other."""
         presets = {"default": cls, "openkcc": cls.openkcc}
-        if name not in presets:
-            raise unknown_name("preset", name, presets)
+        if not isinstance(name, str) or name not in presets:
+            raise unknown_name("preset", str(name), presets)
         return presets[name]()
 
     def changed(self, **values: Any) -> FootIKSettings:
@@ -156,7 +161,10 @@ class FootIKSettings:
         """The settings as one `SETTINGS` record for compiled code, for a leg of this length.
 
         Lengths are scaled for the default behaviour; OpenKCC's stay as they are, as in OpenKCC.
+        Raises FootIKError for a leg that is not longer than 0 m.
         """
+        if not (isinstance(leg_length, Real) and 0.0 < leg_length < math.inf):
+            raise FootIKError(f"a leg must be longer than 0 m, and finite, not {leg_length} m.")
         out = np.zeros((), dtype=SETTINGS)
         size = leg_length / STANDARD_LEG if self.behaviour == "default" else 1.0
         for name in SETTINGS.names or ():
@@ -167,6 +175,32 @@ class FootIKSettings:
             else:
                 out[name] = getattr(self, name) * (size if name in _LENGTHS else 1.0)
         return out[()]
+
+
+def body_size(rig: Rig) -> float:
+    """How large a rig's body is, in parts of the one whose legs are `STANDARD_LEG` long."""
+    return float(rig.leg_lengths.mean()) / STANDARD_LEG
+
+
+def settings_or_default(settings: FootIKSettings | None) -> FootIKSettings:
+    """The settings, or the default ones for None. Raises FootIKError for anything else."""
+    if settings is None:
+        return FootIKSettings()
+    if not isinstance(settings, FootIKSettings):
+        raise FootIKError(f"settings must be a FootIKSettings, not {settings!r}.")
+    return settings
+
+
+def checked_groups(groups: Any) -> tuple[int, ...]:
+    """Geom groups as a tuple of ints. Raises FootIKError unless there is one, and all are."""
+    wrong = groups
+    if isinstance(groups, (tuple, list)) and groups:
+        bad = [g for g in groups if isinstance(g, bool) or not isinstance(g, (int, np.integer))]
+        bad = bad or [g for g in groups if not 0 <= g <= 5]
+        if not bad:
+            return tuple(int(g) for g in groups)
+        wrong = bad[0]
+    raise FootIKError(f"groups must hold one or more geom groups 0 to 5, not {wrong!r}.")
 
 
 RANGES: dict[str, tuple[float, float]] = {
@@ -195,6 +229,7 @@ RANGES: dict[str, tuple[float, float]] = {
     "hip_look_ahead": (0.0, 2.0),
     "hip_let_go": (0.001, 2.0),
     "root_half_life": (0.0, 5.0),
+    "blend_time": (0.0, 5.0),
     "max_hip_foot": (0.01, 10.0),
     "foot_height": (0.0, 1.0),
     "hip_smooth_time": (0.0, 10.0),

@@ -5,18 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from numbers import Real
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from footik_runtime.crowd import Crowd
+from footik_runtime.crowd import Crowd, stays_in_place
 from footik_runtime.errors import FootIKError
-from footik_runtime.ground import SceneGround
+from footik_runtime.ground import ABOVE, REACH, SceneGround
 from footik_runtime.motion import Motion
 from footik_runtime.recorded import Run
 from footik_runtime.scene import Scene
-from footik_runtime.settings import FootIKSettings
+from footik_runtime.settings import FootIKSettings, body_size, settings_or_default
 from footik_runtime.sole import BALL, all_sole_points
 
 Array = NDArray[np.float64]
@@ -74,16 +75,16 @@ def record_walk(
     Raises:
         FootIKError: seconds or fps are not positive and finite, or a pose became not finite.
     """
-    if not (np.isfinite(seconds) and seconds > 0.0):
+    if not (isinstance(seconds, Real) and np.isfinite(seconds) and seconds > 0.0):
         raise FootIKError(f"seconds must be positive and finite, not {seconds}.")
-    if not (np.isfinite(fps) and 1.0 <= fps <= 10000.0):
+    if not (isinstance(fps, Real) and 1.0 <= fps <= 10000.0):
         raise FootIKError(f"fps must be in [1, 10000], not {fps}.")
     if seconds * fps > _MOST_FRAMES:
         raise FootIKError(
             f"a recording holds at most {_MOST_FRAMES} frames, {_MOST_FRAMES / fps:g} s at "
             f"{fps:g} Hz, not {seconds:g} s."
         )
-    settings = settings or FootIKSettings()
+    settings = settings_or_default(settings)
     ground = scene.ground(settings.groups)
     crowd = Crowd(scene.motion, ground, settings=settings)
     crowd.bodies["enabled"] = int(ik)
@@ -102,9 +103,9 @@ def record_walk(
 
 def _at_speed(motion: Motion, speed: float) -> Array:
     """The motion's velocity (2,) scaled to a speed."""
-    if not (np.isfinite(speed) and 0.0 <= speed <= 20.0):
+    if not (isinstance(speed, Real) and 0.0 <= speed <= 20.0):
         raise FootIKError(f"speed must be in [0, 20] m/s, not {speed}.")
-    if motion.speed < 0.05 and speed > 0.0:
+    if stays_in_place(motion) and speed > 0.0:
         raise FootIKError(f"{motion.clip.name} stays in place: it cannot go at {speed:g} m/s.")
     return motion.velocity * (speed / max(motion.speed, 1e-9))
 
@@ -154,7 +155,8 @@ class _Tape:
         self._sole[frame] = all_sole_points(rig, positions, turns)[0]
         # The body each foot is over: what lies under its ball.
         points = self._sole[frame].reshape(-1, 3)
-        heights, geoms = ground.under(points)
+        size = body_size(rig)
+        heights, geoms = ground.under(points, above=ABOVE * size, reach=REACH * size)
         self._ground[frame] = heights.reshape(self._ground[frame].shape)
         body = np.where(geoms >= 0, self._scene.model.geom_bodyid[geoms], 0)
         body = body.reshape(self._ground[frame].shape)[:, BALL]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -13,10 +14,13 @@ import numpy as np
 import pytest
 
 from footik_runtime import FootIKError, FootIKSettings, cli, write_bvh
-from footik_runtime.builtin import builtin_motion, humanoid_rig
+from footik_runtime.builtin import HUMANOID, builtin_motion, humanoid_rig
 from footik_runtime.gait import walk as gait_walk
 from footik_runtime.metrics import MEASURES
+from footik_runtime.plot import require_plot
 from footik_runtime.rig_model import find_rig_in_model
+from footik_runtime.scene import Scene
+from footik_runtime.walk import record_walk
 
 SHARED = Path(os.environ.get("FOOTIK_SHARED", Path(__file__).parents[2] / "shared"))
 
@@ -166,6 +170,7 @@ Frame Time: 0.0333333
         (("--terrain", "hils"), ("unknown terrain 'hils'", "Did you mean 'hills'", "stairs")),
         (("--preset", "opencc"), ("unknown preset 'opencc'", "openkcc")),
         (("--gait", "wlak"), ("unknown gait", "walk")),
+        (("--gait", "wlak", "--clip", "clip.bvh"), ("unknown gait", "walk")),
         (("--seconds", "-1"), ("seconds must be positive",)),
         (("--seconds", "nan"), ("seconds must be positive",)),
         (("--fps", "0"), ("fps must be in",)),
@@ -215,3 +220,33 @@ def test_output_that_nobody_reads_ends_quietly():
     errors = process.stderr.read().decode()
     process.wait()
     assert "Traceback" not in errors
+
+
+def test_a_recording_too_long_for_memory_is_refused_at_once() -> None:
+    scene = Scene.build(builtin_motion(), "flat", body=HUMANOID)
+    with pytest.raises(FootIKError, match="at most 1000000 frames"):
+        record_walk(scene, seconds=1e12)
+
+
+def test_a_plot_of_an_unknown_kind_is_refused_before_the_walk() -> None:
+    pytest.importorskip("matplotlib")
+    require_plot(Path("run"))
+    with pytest.raises(FootIKError, match="'xyz'; png, svg and pdf can"):
+        require_plot(Path("run.xyz"))
+
+
+@pytest.mark.parametrize("frame_time", ["0", "-1", "1e-9", "100", "1e300", "nan"])
+@pytest.mark.parametrize("command", [("inspect",), ("walk", "--clip")])
+def test_a_frame_time_that_no_motion_has_is_one_clear_line(
+    monkeypatch, capsys, walk_bvh, tmp_path, command, frame_time
+):
+    text = re.sub(r"Frame Time: \S+", f"Frame Time: {frame_time}", walk_bvh.read_text())
+    code, out, err = run(monkeypatch, capsys, *command, broken(text, tmp_path))
+    assert (code, out, err.count("\n")) == (1, "", 1)
+    assert "frame time" in err
+
+
+def test_a_walk_of_no_time_is_a_walk_of_two_frames(monkeypatch, capsys):
+    code, out, err = run(monkeypatch, capsys, "walk", "--terrain", "flat", "--seconds", "1e-9")
+    assert (code, err) == (0, "")
+    assert "largest hip drop" in out

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from copy import copy
 
 import mujoco
 import numpy as np
@@ -176,7 +177,7 @@ def test_data_of_another_model_is_an_error(scene):
 
 
 def test_geom_group_outside_its_range_is_an_error(scene):
-    with pytest.raises(FootIKError, match=r"geom group 6 is not in 0\.\.5"):
+    with pytest.raises(FootIKError, match="geom groups 0 to 5, not 6"):
         SceneGround(*scene, groups=(6,))
 
 
@@ -288,5 +289,42 @@ def test_an_unknown_ray_function_is_not_called_natively(monkeypatch):
 @pytest.mark.parametrize("group", [-1, 6])
 def test_group_mask_holds_its_groups_and_refuses_others(group):
     assert group_mask((0, 5)).tolist() == [1, 0, 0, 0, 0, 1]
-    with pytest.raises(FootIKError, match=f"geom group {group} is not in"):
+    with pytest.raises(FootIKError, match=f"geom groups 0 to 5, not {group}"):
         group_mask((0, group))
+
+
+def test_data_of_a_model_of_equal_counts_is_an_error_and_of_a_copy_is_not(scene):
+    model, _ = scene
+    other = mujoco.MjModel.from_xml_string(SCENE.replace('pos="3 0 .2"', 'pos="3 1 .2"'))
+    with pytest.raises(FootIKError, match="made from another, with other geom_pos"):
+        SceneGround(model, mujoco.MjData(other))
+    SceneGround(model, mujoco.MjData(copy(model)))
+    with pytest.raises(FootIKError, match="an MjModel and its MjData"):
+        SceneGround(None, None)  # pyright: ignore[reportArgumentType]
+
+
+def test_a_geom_that_changes_its_body_is_known_by_its_new_one(scene):
+    model, data = scene
+    ground = SceneGround(model, data)
+    ground.height(np.zeros(3))
+    model.geom_bodyid[model.geom("floor").id] = 1
+    assert answered(ground, rays([[1.0, 1.0, 1.0]]))["body"][0] == 1
+
+
+@pytest.mark.parametrize("points", [np.zeros((2, 2)), "here", [[0.0, 0.0]], 1.0])
+def test_points_that_are_none_are_an_error(scene, points):
+    ground = SceneGround(*scene)
+    for ask in (ground.under, ground.height):
+        with pytest.raises(FootIKError, match="points must be"):
+            ask(points)
+
+
+@pytest.mark.parametrize("how", [{"above": np.nan}, {"reach": 0.0}, {"reach": "far"}])
+def test_a_reach_that_is_none_is_an_error(scene, how):
+    with pytest.raises(FootIKError, match="above and reach must be finite"):
+        SceneGround(*scene).height(np.zeros(3), **how)
+
+
+def test_a_recording_of_something_else_is_an_error():
+    with pytest.raises(FootIKError, match="recorded hits must be of HIT"):
+        RecordedGround(np.zeros(3))

@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 from simulated import DT, run, soles, stand_on
 
-from footik_runtime.builtin import HUMANOID
+from footik_runtime.builtin import HUMANOID, builtin_motion
+from footik_runtime.character import CHARACTER_GROUP
 from footik_runtime.errors import FootIKError
 from footik_runtime.humanoid import HumanoidFootIK, steer_along
 from footik_runtime.motion import Motion
 from footik_runtime.scene import Scene
+from footik_runtime.settings import FootIKSettings
 from footik_runtime.terrain.even import Flat
 from footik_runtime.walk import record_walk
 
@@ -152,8 +154,8 @@ def test_switched_on_again_feet_are_placed_anew(walk: Motion) -> None:
     ik = stand_on(walk, FLAT)
     run(ik, 0.4)
     ik.enabled = False
+    run(ik, 0.4)
     assert all(foot.state == "released" for foot in ik.feet)
-    run(ik, 0.2)
     ik.enabled = True
     run(ik, 1.0)
     assert any(foot.locked for foot in ik.feet)
@@ -214,3 +216,76 @@ def test_velocity_is_the_motions_own_with_physics_between_the_steps(walk):
     # The pelvis surges within a stride, but never goes back and never leaps.
     assert min(speeds[5:]) > 0.8
     assert max(speeds[5:]) < 2.0
+
+
+def test_following_a_path_that_begins_behind_turns_first_and_arrives() -> None:
+    ik = HumanoidFootIK(Scene.build(builtin_motion(), "flat", body=HUMANOID))
+    path = ik.root_w[:2] + np.array([[0.0, 0.0], [-2.0, 0.0]])
+    frames = 0
+    while ik.follow(path) and frames < 20 * 60:
+        ik.step(DT)
+        frames += 1
+    assert np.hypot(*(ik.root_w[:2] - path[-1])) < 0.5
+    assert frames > 60
+
+
+def test_a_speed_of_zero_is_not_the_usual_speed() -> None:
+    ik = HumanoidFootIK(Scene.build(builtin_motion(), "flat", body=HUMANOID))
+    ik.follow(np.array([[0.0, 0.0], [5.0, 0.0]]), speed=0.0)
+    assert (ik.crowd.bodies["velocity"] == 0.0).all()
+
+
+@pytest.mark.parametrize("ahead", [0.0, -1.0, np.nan, np.inf, "far"])
+def test_no_look_ahead_is_an_error(standing: HumanoidFootIK, ahead) -> None:
+    with pytest.raises(FootIKError, match="ahead must be more than 0"):
+        standing.follow([(0.0, 0.0), (5.0, 0.0)], ahead=ahead)
+
+
+@pytest.mark.parametrize("speed", [-1.0, np.nan, np.inf, "fast"])
+def test_no_speed_is_an_error(standing: HumanoidFootIK, speed) -> None:
+    with pytest.raises(FootIKError, match="speed must be 0 or more"):
+        standing.follow([(0.0, 0.0), (5.0, 0.0)], speed=speed)
+
+
+def test_a_path_may_be_a_list_and_ragged_ones_are_an_error(standing: HumanoidFootIK) -> None:
+    assert standing.follow([(0.0, 0.0), (5.0, 0.0)], speed=1.0)
+    for path in ([[1.0], [1.0, 2.0]], "there"):
+        with pytest.raises(FootIKError, match="a path must be"):
+            standing.follow(path)
+
+
+def test_the_look_ahead_grows_with_the_leg(standing: HumanoidFootIK) -> None:
+    leg = standing.scene.motion.rig.leg_lengths.mean()
+    path = standing.root_w[:2] + np.array([[0.0, 0.0], [0.5 * 0.5 * leg / 0.85, 0.0]])
+    assert not standing.follow(path * 0.99, speed=1.0)
+    assert standing.follow(path * 1.01, speed=1.0)
+
+
+@pytest.mark.parametrize("velocity", [5, (1.0, 2.0, 3.0), "ab", None])
+def test_a_command_of_another_kind_is_an_error(standing: HumanoidFootIK, velocity) -> None:
+    with pytest.raises(FootIKError, match="a command must be finite"):
+        standing.command(velocity)
+
+
+def test_a_place_of_another_kind_is_an_error(standing: HumanoidFootIK) -> None:
+    for at, yaw in (("here", 0.0), (None, 0.0), (np.zeros(3), "north"), (np.zeros(3), [0.0])):
+        with pytest.raises(FootIKError, match="three finite numbers"):
+            standing.place(at, yaw)  # pyright: ignore[reportArgumentType]
+
+
+def test_groups_without_ground_are_an_error_that_names_those_with(idle: Motion) -> None:
+    for group in (3, CHARACTER_GROUP):
+        with pytest.raises(FootIKError, match=rf"groups {group}: .* is in 0 \(1\)"):
+            stand_on(idle, FLAT, settings=FootIKSettings(groups=(group,)))
+        scene = stand_on(idle, FLAT).scene
+        with pytest.raises(FootIKError, match="there is no ground"):
+            record_walk(scene, seconds=0.1, settings=FootIKSettings(groups=(group,)))
+
+
+def test_a_scene_of_something_else_is_one_error(idle: Motion) -> None:
+    with pytest.raises(FootIKError, match="unknown terrain"):
+        Scene.build(idle, 5)  # pyright: ignore[reportArgumentType]
+    with pytest.raises(FootIKError, match="needs a Motion"):
+        Scene.build(None)  # pyright: ignore[reportArgumentType]
+    with pytest.raises(FootIKError, match="cannot compile this scene"):
+        Scene.build(idle, body=HUMANOID, loose=lambda spec: spec.worldbody.add_geom(size=[0, 0, 0]))

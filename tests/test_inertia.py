@@ -49,7 +49,7 @@ def test_offset_of_no_duration_is_zero():
 
 @given(vector, vector, duration)
 def test_limited_velocity_keeps_its_direction_and_never_grows(offset, velocity, time):
-    limited = np.array(limited_velocity(offset, velocity, time))
+    limited = np.array(limited_velocity(offset, velocity, time, 1.0))
     assert np.linalg.norm(limited) <= np.linalg.norm(velocity) + 1e-12
     assert np.linalg.norm(np.cross(limited, velocity)) < 1e-9
 
@@ -111,7 +111,7 @@ def test_offset_at_rest_shrinks_along_a_straight_line_and_never_passes_zero(offs
 
 @given(vector, vector, duration)
 def test_limited_offset_overshoots_by_no_more_than_its_size_and_a_little(offset, velocity, time):
-    limited = limited_velocity(offset, velocity, time)
+    limited = limited_velocity(offset, velocity, time, 1.0)
     size = np.linalg.norm(offset)
     assert np.linalg.norm(limited) <= 4.0 * size / time + 1.5 + 1e-9
     if np.linalg.norm(velocity) <= 1.5:
@@ -122,7 +122,7 @@ def test_limited_offset_overshoots_by_no_more_than_its_size_and_a_little(offset,
 
 
 def test_limit_of_no_duration_is_finite():
-    limited = limited_velocity((1.0, 0.0, 0.0), (1e300, 0.0, 0.0), 0.0)
+    limited = limited_velocity((1.0, 0.0, 0.0), (1e300, 0.0, 0.0), 0.0, 1.0)
     assert np.isfinite(limited).all()
 
 

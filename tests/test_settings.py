@@ -135,3 +135,32 @@ def test_settings_cannot_be_changed_in_place():
 def test_changed_settings_are_checked_as_new_ones_are():
     with pytest.raises(FootIKError, match="clearance must be in"):
         FootIKSettings().changed(clearance=-0.1)
+
+
+@pytest.mark.parametrize("groups", [5, (), (1.0,), (True,), "01", None, (0, -1), {0}])
+def test_groups_that_are_none_are_refused(groups):
+    with pytest.raises(FootIKError, match="one or more geom groups 0 to 5, not"):
+        FootIKSettings(groups=groups)
+
+
+def test_groups_are_kept_as_a_tuple_of_ints():
+    groups = FootIKSettings(groups=[np.int32(1), 0]).groups  # pyright: ignore[reportArgumentType]
+    assert groups == (1, 0)
+    assert all(type(group) is int for group in groups)
+
+
+@pytest.mark.parametrize("leg", [0.0, -0.85, math.nan, math.inf, "long"])
+def test_a_leg_that_is_none_is_refused(leg):
+    with pytest.raises(FootIKError, match="a leg must be longer than 0 m"):
+        FootIKSettings().record(leg)
+
+
+@pytest.mark.parametrize("change", [{"correct_overlap": "no"}, {"reach": True}])
+def test_what_is_neither_number_nor_switch_is_refused(change):
+    with pytest.raises(FootIKError, match=next(iter(change))):
+        FootIKSettings(**change)
+
+
+def test_a_preset_that_is_no_name_is_refused():
+    with pytest.raises(FootIKError, match="unknown preset"):
+        FootIKSettings.preset([])  # pyright: ignore[reportArgumentType]

@@ -439,3 +439,24 @@ def test_a_second_terrain_in_one_spec_and_a_move_without_it_are_told():
         make_terrain("platform").move(model, mujoco.MjData(model), 0.0)
     with pytest.raises(FootIKError, match="time must be finite"):
         make_terrain("flat").move(model, mujoco.MjData(model), float("nan"))
+
+
+@pytest.mark.parametrize("pieces", [Flat(), ("flat",), 5])
+def test_pieces_that_are_none_are_an_error(pieces):
+    with pytest.raises(FootIKError, match="needs a tuple of pieces"):
+        Terrain(name="odd", pieces=pieces)
+
+
+@pytest.mark.parametrize("name", [[], None, 5])
+def test_a_terrain_that_is_no_name_is_an_error(name):
+    with pytest.raises(FootIKError, match="unknown terrain"):
+        make_terrain(name)
+
+
+def test_times_and_places_that_are_none_are_errors():
+    terrain = make_terrain("flat")
+    with pytest.raises(FootIKError, match="time must be finite"):
+        terrain.move(None, None, "now")  # pyright: ignore[reportArgumentType]
+    for x, y in (("here", 0.0), ([1.0, 2.0], [1.0, 2.0, 3.0])):
+        with pytest.raises(FootIKError, match="x and y must be numbers"):
+            terrain.height(x, y)

@@ -20,7 +20,7 @@ from footik_runtime.math3d import (
 
 
 @compiled
-def carry_over(foot, start, speed, base, base_turn, duration, age):
+def carry_over(foot, start, speed, base, base_turn, duration, age, settings):
     """Begin an offset from the pose that will be followed to where the foot was: `start`.
 
     `speed` (3,) is the foot's against what it will follow, m/s.
@@ -32,7 +32,7 @@ def carry_over(foot, start, speed, base, base_turn, duration, age):
     offset = sub(start, base)
     twist = quat_to_rotvec(quat_mul(get4(foot["out_turn"]), quat_conj(base_turn)))
     set3(foot["offset"], offset)
-    set3(foot["offset_speed"], limited_velocity(offset, speed, duration))
+    set3(foot["offset_speed"], limited_velocity(offset, speed, duration, settings["size"]))
     set3(foot["twist"], twist)
     foot["offset_age"], foot["offset_time"] = age, duration
 

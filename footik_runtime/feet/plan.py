@@ -6,32 +6,26 @@ from footik_runtime.compiled import compiled
 from footik_runtime.feet.foothold import PATH, WINDOW, arch_over, ask_for_foothold, choose_foothold
 from footik_runtime.feet.footprint import to_body
 from footik_runtime.feet.record import ASKED, ASKED_AGAIN, NOWHERE, PLANNED
-from footik_runtime.math3d import get3, get4, quat_heading, set3, set4
+from footik_runtime.math3d import get3, set3, set4
 
 PROBES = 1 + PATH + WINDOW
 """Probes of a foot: one that watches the ground of its print, and those of a foothold."""
 
 
 @compiled
-def ask(foot, told, x, y, yaw, lift, probes, settings):
-    """Ask for a foothold at a place; again, where there was none last time."""
+def ask(foot, told, lift, probes, settings):
+    """Ask for a foothold at the told place; again, where there was none last time."""
     foot["plan"] = ASKED_AGAIN if foot["plan"] == NOWHERE else ASKED
+    x, y, yaw = told["place"][0], told["place"][1], told["yaw"]
     foot["plan_place"][0], foot["plan_place"][1], foot["plan_yaw"] = x, y, yaw
     foot["plan_ref"] = told["root_z"]
     ask_for_foothold(probes[1:], lift, x, y, yaw, told["root_z"], settings)
 
 
 @compiled
-def ask_under_animation(foot, told, lift, probes, settings):
-    """Ask for a foothold where the animated foot is."""
-    yaw = quat_heading(get4(told["turn"]))
-    ask(foot, told, told["ankle"][0], told["ankle"][1], yaw, lift, probes, settings)
-
-
-@compiled
-def plan_moved(foot, x, y, settings):
-    """Whether a place is so far from the one last looked at that it must be looked at again."""
-    dx, dy = x - foot["plan_place"][0], y - foot["plan_place"][1]
+def plan_moved(foot, told, settings):
+    """Whether the told place is so far from the one last looked at that it must be looked at."""
+    dx, dy = told["place"][0] - foot["plan_place"][0], told["place"][1] - foot["plan_place"][1]
     return dx * dx + dy * dy > settings["replan_distance"] ** 2
 
 
@@ -49,6 +43,8 @@ def hear_foothold(foot, told, hits, leg, settings, bodies_at, bodies_turn):
     foot["plan"] = PLANNED
     over = arch_over(hits[1:], foot["lift"][2], point[2], settings)
     foot["arch"] = max(over, settings["swing_lift"])
+    foot["plan_shift"][0] = point[0] - told["due"][0]
+    foot["plan_shift"][1] = point[1] - told["due"][1]
     hit = hits[1 + under]
     foot["land_floor"], foot["land_body"] = hit["geom"], hit["body"]
     point, turn = to_body(hit["body"], point, turn, bodies_at, bodies_turn)

@@ -36,6 +36,7 @@ FOOT = np.dtype(
         ("plan_place", "f8", 2),
         ("plan_yaw", "f8"),
         ("plan_ref", "f8"),
+        ("plan_shift", "f8", 2),
         ("land", "f8", 3),
         ("land_turn", "f8", 4),
         ("land_floor", "i4"),
@@ -57,12 +58,12 @@ FOOT = np.dtype(
         ("goal_turn", "f8", 4),
         ("normal", "f8", 3),
         ("toes", "f8"),
+        ("toes_left", "f8"),
         ("heel_lift", "f8"),
         ("pin", "i4"),
         ("locked", "i4"),
         ("reached", "i4"),
         ("missing", "f8"),
-        ("drop", "f8"),
     ],
     align=True,
 )
@@ -73,12 +74,13 @@ weight: 0 follows the animation, 1 its print. hold, hold_turn: the print (under 
 ground) in its body's frame; gap: height of the watched ground over it. from*: the print a bump
 stride leaves. lift*: the print a swing or stride left, world; spent: the contact was given up;
 rolled: how far the ankle, held, would have moved in the frame of release. plan*,
-land*, arch: the foothold ahead. offset*, twist*: what is carried over, and its age. anim*, root_z,
+land*, arch: the foothold ahead, plan_shift: from where the
+animation would put the foot. offset*, twist*: what is carried over, and its age. anim*, root_z,
 out*: last frame's animated ankle and final ankle, with the final one's velocity. goal, goal_turn:
 of the ankle and sole, world; normal: of the plane it stands on, or left; toes: how flat the toes
-lie on it; heel_lift: 0 to 1, how far its heel may lift to reach. pin: the sole point that is held;
-locked: and still. reached: whether the leg came to the goal; missing: by how much not, m; drop: of
-the hips that it asks for, m.
+lie on it, toes_left: when it was released; heel_lift: 0 to 1, how far its heel may lift to reach.
+pin: the sole point that is held; locked: and still. reached: whether the leg came to the goal;
+missing: by how much not, m.
 """
 
 FOOT_INPUT = np.dtype(
@@ -88,7 +90,9 @@ FOOT_INPUT = np.dtype(
         ("to_release", "f8"),
         ("swing_time", "f8"),
         ("ahead", "i4"),
+        ("progress", "f8"),
         ("place", "f8", 2),
+        ("due", "f8", 2),
         ("yaw", "f8"),
         ("pitch", "f8"),
         ("ankle", "f8", 3),
@@ -99,9 +103,10 @@ FOOT_INPUT = np.dtype(
 )
 """What a foot is told each frame: its IK weight and its animated ankle and sole rotation, world.
 
-Where the plant is known ahead (`ahead`): seconds to it (or minus the seconds since) and to the
-next release, the swing's duration, the print's place and yaw, world, and the sole's pitch at the
-plant. root_z: height of the ground the body walks on.
+Where the plant is known ahead (`ahead`): seconds to it (or minus the seconds since) and to the next
+release, the swing's duration and how much of it is over, the print's place and yaw, world, where
+the animation alone would put it (`due`), and the sole's pitch at the plant. Where it is not, place
+and due are the animated ankle's. root_z: height of the ground the body walks on.
 """
 
 
@@ -114,6 +119,7 @@ def reset_foot(foot):
     foot["pin"], foot["locked"], foot["offset_time"] = NO_PIN, 0, 0.0
     foot["air_age"], foot["spent"] = 1e9, 0
     foot["reached"], foot["missing"] = 1, 0.0
+    foot["toes"], foot["toes_left"] = 0.0, 0.0
 
 
 @compiled

@@ -7,7 +7,7 @@ import math
 from footik_runtime.compiled import compiled
 from footik_runtime.feet.carry import carry_over, with_offset
 from footik_runtime.feet.footprint import UP, planted, print_of, sole_pitch, to_world
-from footik_runtime.feet.plan import ask_under_animation, plan_moved
+from footik_runtime.feet.plan import ask, plan_moved
 from footik_runtime.feet.record import GROUNDED
 from footik_runtime.inertia import smooth_bump, smooth_step
 from footik_runtime.math3d import (
@@ -49,12 +49,12 @@ def start_stride(foot, bump, age, duration):
 
 @compiled
 def astray(foot, told, leg, settings, bodies_at, bodies_turn):
-    """How far a locked foot is from the animated one, in parts of what starts a bump stride."""
-    point, turn = print_of(foot, bodies_at, bodies_turn)
-    anim_turn = get4(told["turn"])
-    home, _ = planted(point, turn, sole_pitch(anim_turn, settings["flat_angle"]), leg)
-    dx, dy = told["ankle"][0] - home[0], told["ankle"][1] - home[1]
-    turned = wrap_angle(quat_heading(anim_turn) - quat_heading(turn))
+    """How far a locked foot is from its told place, in parts of what starts a bump stride."""
+    here, turn = print_of(foot, bodies_at, bodies_turn)
+    if told["ahead"] == 0:  # the place is the animated ankle's, which rolls over heel and ball
+        here, _ = planted(here, turn, sole_pitch(get4(told["turn"]), settings["flat_angle"]), leg)
+    dx, dy = told["place"][0] - here[0], told["place"][1] - here[1]
+    turned = wrap_angle(told["yaw"] - quat_heading(turn))
     far = math.sqrt(dx * dx + dy * dy) / settings["stride_distance"]
     return max(far, abs(turned) / settings["stride_angle"])
 
@@ -64,8 +64,8 @@ def intend_bump(foot, told, leg, may_bump, probes, settings, bodies_at, bodies_t
     """Ask for a better place where a locked foot is astray, or a bump stride's target moved."""
     if foot["bump"] and foot["stride_age"] < foot["stride_time"]:
         early = foot["stride_age"] < _LATE * foot["stride_time"]
-        if early and plan_moved(foot, told["ankle"][0], told["ankle"][1], settings):
-            ask_under_animation(foot, told, get3(foot["lift"]), probes, settings)
+        if early and plan_moved(foot, told, settings):
+            ask(foot, told, get3(foot["lift"]), probes, settings)
         return
     if foot["weight"] < 1.0:
         return
@@ -75,7 +75,7 @@ def intend_bump(foot, told, leg, may_bump, probes, settings, bodies_at, bodies_t
         point, turn = print_of(foot, bodies_at, bodies_turn)
         set3(foot["lift"], point)
         set4(foot["lift_turn"], turn)
-        ask_under_animation(foot, told, point, probes, settings)
+        ask(foot, told, point, probes, settings)
 
 
 @compiled
@@ -84,7 +84,7 @@ def bump_to_plan(foot, told, leg, may_set_out, dt, settings, bodies_at, bodies_t
     under_way = foot["bump"] == 1 and foot["stride_age"] < foot["stride_time"]
     if not under_way:
         if may_set_out:
-            carry_over_lift(foot, settings["stride_time"], dt)
+            carry_over_lift(foot, settings["stride_time"], dt, settings)
             start_stride(foot, 1, 0.0, settings["stride_time"])
         return
     set3(foot["hold"], get3(foot["land"]))
@@ -98,11 +98,20 @@ def bump_to_plan(foot, told, leg, may_set_out, dt, settings, bodies_at, bodies_t
     # A foot under way keeps its speed: it would stop for a frame at every new target otherwise.
     speed = scale(sub(now, base), 1.0 / dt if dt > 0.0 else 0.0)
     speed = sub(get3(foot["out_speed"]), speed)
-    carry_over(foot, get3(foot["out"]), speed, base, base_turn, foot["stride_time"] - age + dt, dt)
+    carry_over(
+        foot,
+        get3(foot["out"]),
+        speed,
+        base,
+        base_turn,
+        foot["stride_time"] - age + dt,
+        dt,
+        settings,
+    )
 
 
 @compiled
-def carry_over_lift(foot, duration, dt):
+def carry_over_lift(foot, duration, dt, settings):
     """Carry over what the leg made of the last goal, such as a lifted heel, into a bump stride.
 
     Both are of the same frame, so that nothing is carried over from ground that moves.
@@ -110,7 +119,7 @@ def carry_over_lift(foot, duration, dt):
     offset, twist = with_offset(foot, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
     base = sub(get3(foot["goal"]), offset)
     base_turn = quat_mul(quat_conj(twist), get4(foot["goal_turn"]))
-    carry_over(foot, get3(foot["out"]), (0.0, 0.0, 0.0), base, base_turn, duration, dt)
+    carry_over(foot, get3(foot["out"]), (0.0, 0.0, 0.0), base, base_turn, duration, dt, settings)
 
 
 @compiled

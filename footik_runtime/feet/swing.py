@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from footik_runtime.compiled import compiled
 from footik_runtime.feet.carry import carry_over
 from footik_runtime.feet.footprint import UP, to_world
@@ -20,31 +22,31 @@ from footik_runtime.math3d import (
     sub,
 )
 
-_SPOT = 0.1  # m; a swing that goes no further is told by time, not by place
+_SPOT = 0.1  # m; a swing that goes no further is told by time, from twice that on by place
 
 
 @compiled
 def swing_progress(foot, told, settings):
     """How far the swing is from lift to landing: 0 to 1, eased."""
     if told["ahead"]:
-        if foot["spent"]:
-            return 0.0
-        return max(1.0 - max(told["to_plant"], 0.0) / max(told["swing_time"], 1e-3), 0.0)
+        return 0.0 if foot["spent"] else told["progress"]
     return min(foot["air_age"] / max(settings["release_time"], 1e-3), 1.0)
 
 
 @compiled
-def progress_along(lift, land, ankle, otherwise):
+def progress_along(lift, land, ankle, otherwise, settings):
     """How far an ankle is from lift to landing, seen from above: 0 to 1; `otherwise` on a spot."""
     x, y = land[0] - lift[0], land[1] - lift[1]
     length2 = x * x + y * y
-    if length2 < _SPOT * _SPOT:
+    far = clamp(math.sqrt(length2) / (_SPOT * settings["size"]) - 1.0, 0.0, 1.0)
+    if far == 0.0:
         return otherwise
-    return clamp(((ankle[0] - lift[0]) * x + (ankle[1] - lift[1]) * y) / length2, 0.0, 1.0)
+    along = clamp(((ankle[0] - lift[0]) * x + (ankle[1] - lift[1]) * y) / length2, 0.0, 1.0)
+    return otherwise + (along - otherwise) * far
 
 
 @compiled
-def swinging(foot, ankle, turn, root_z, progress, bodies_at, bodies_turn):
+def swinging(foot, ankle, turn, root_z, progress, settings, bodies_at, bodies_turn):
     """Ankle and sole rotation of a swinging foot: the animation over the line lift to landing."""
     s = smooth_step(progress)
     lift = get3(foot["lift"])
@@ -53,7 +55,9 @@ def swinging(foot, ankle, turn, root_z, progress, bodies_at, bodies_turn):
         land, land_turn = to_world(
             foot["land_body"], get3(foot["land"]), get4(foot["land_turn"]), bodies_at, bodies_turn
         )
-        s = progress_along(lift, land, ankle, s)
+        shift = foot["plan_shift"]
+        ankle = (ankle[0] + shift[0] * s, ankle[1] + shift[1] * s, ankle[2])
+        s = progress_along(lift, land, ankle, s, settings)
     z = lift[2] * (1.0 - s) + land[2] * s + foot["arch"] * smooth_bump(progress)
     tilt = quat_nlerp(
         quat_between(UP, rotate(get4(foot["lift_turn"]), UP)),
@@ -68,14 +72,14 @@ def follow_swing(foot, told, dt, settings, bodies_at, bodies_turn):
     """Carry over to the swing as it is now defined, from wherever the foot was last frame."""
     progress = swing_progress(foot, told, settings)
     now, _ = swinging(
-        foot, get3(told["ankle"]), get4(told["turn"]), told["root_z"], progress,
+        foot, get3(told["ankle"]), get4(told["turn"]), told["root_z"], progress, settings,
         bodies_at, bodies_turn,
     )  # fmt: skip
     if told["ahead"] and told["to_plant"] > 0.0:
         # After the plant it has come to its end, and has stayed there.
         progress = max(progress - dt / max(told["swing_time"], 1e-3), 0.0)
     base, base_turn = swinging(
-        foot, get3(foot["anim"]), get4(foot["anim_turn"]), foot["root_z"], progress,
+        foot, get3(foot["anim"]), get4(foot["anim_turn"]), foot["root_z"], progress, settings,
         bodies_at, bodies_turn,
     )  # fmt: skip
     rate = 1.0 / dt if dt > 0.0 else 0.0
@@ -90,4 +94,4 @@ def follow_swing(foot, told, dt, settings, bodies_at, bodies_turn):
     duration = settings["release_time"]
     if told["ahead"] and told["to_plant"] > 0.0:
         duration = min(duration, 0.8 * told["to_plant"])
-    carry_over(foot, start, sub(start_speed, speed), base, base_turn, duration, age)
+    carry_over(foot, start, sub(start_speed, speed), base, base_turn, duration, age, settings)

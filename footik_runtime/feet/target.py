@@ -16,7 +16,7 @@ import math
 from footik_runtime.compiled import compiled
 from footik_runtime.feet.carry import carry_over, with_offset
 from footik_runtime.feet.footprint import UP, planted, print_of, sole_pitch, to_body
-from footik_runtime.feet.plan import PROBES, ask, ask_under_animation, hear_foothold, plan_moved
+from footik_runtime.feet.plan import PROBES, ask, hear_foothold, plan_moved
 from footik_runtime.feet.record import (
     ASKED,
     ASKED_AGAIN,
@@ -68,6 +68,7 @@ def release(foot, told, leg, dt, settings, bodies_at, bodies_turn):
     foot["state"], foot["bump"], foot["plan"] = RELEASED, 0, NO_PLAN
     foot["floor"], foot["body"], foot["watched"] = -1, 0, 0
     foot["air_age"], foot["arch"], foot["weight"] = 0.0, 0.0, 0.0
+    foot["toes_left"] = foot["toes"]
     follow_swing(foot, told, dt, settings, bodies_at, bodies_turn)
 
 
@@ -134,12 +135,10 @@ def intend(foot, told, leg, may_bump, dt, probes, settings, bodies_at, bodies_tu
         return
     if foot["spent"]:
         return
-    if told["ahead"] and told["to_plant"] > -1.0:
-        x, y = told["place"][0], told["place"][1]
-        if foot["plan"] != PLANNED or plan_moved(foot, x, y, settings):
-            ask(foot, told, x, y, told["yaw"], get3(foot["lift"]), probes, settings)
-    elif wants:
-        ask_under_animation(foot, told, get3(told["ankle"]), probes, settings)
+    new = foot["plan"] != PLANNED or plan_moved(foot, told, settings)
+    if new and (wants or told["ahead"]):
+        lift = get3(foot["lift"]) if told["ahead"] else get3(told["ankle"])
+        ask(foot, told, lift, probes, settings)
 
 
 @compiled
@@ -176,8 +175,10 @@ def watch_ground(foot, told, hit, leg, dt, settings, bodies_at, bodies_turn):
         release(foot, told, leg, dt, settings, bodies_at, bodies_turn)
         return
     foot["floor"] = hit["geom"]
-    if hit["body"] == foot["body"] and abs(moved) <= _FOLLOWED * settings["size"]:
-        return
+    if abs(moved) <= _FOLLOWED * settings["size"]:
+        if hit["body"] == foot["body"]:
+            return
+        moved, foot["gap"] = 0.0, height  # the same place, on another body
     point = add_scaled(point, UP, moved)
     foot["body"] = hit["body"]
     held, held_turn = to_body(hit["body"], point, turn, bodies_at, bodies_turn)
@@ -188,7 +189,7 @@ def watch_ground(foot, told, hit, leg, dt, settings, bodies_at, bodies_turn):
         base, base_turn = planted(point, turn, pitch, leg)
         carry_over(
             foot, get3(foot["out"]), get3(foot["out_speed"]), base, base_turn,
-            settings["settle_time"], dt,
+            settings["settle_time"], dt, settings,
         )  # fmt: skip
 
 
@@ -208,11 +209,12 @@ def settle(foot, told, leg, hits, may_set_out, dt, settings, bodies_at, bodies_t
         if asked and foot["known"] and not (again and foot["plan"] == NOWHERE):
             follow_swing(foot, told, dt, settings, bodies_at, bodies_turn)
         if foot["plan"] == PLANNED and wants_ground(foot, told, settings):
-            age, duration = 0.0, settings["place_time"]
+            # A foot that knows nothing yet stands at once, but is in no hurry to a plant ahead.
+            age, duration = 0.0, settings["place_time"] if foot["known"] else 0.0
             if told["ahead"] and told["to_plant"] > 0.0:
                 duration = place_lead(told, settings)
                 age = duration - told["to_plant"]
-            start_stride(foot, 0, age, duration if foot["known"] else 0.0)
+            start_stride(foot, 0, age, duration)
     else:
         watch_ground(foot, told, hits[0], leg, dt, settings, bodies_at, bodies_turn)
         if foot["state"] == GROUNDED and asked and foot["plan"] == PLANNED:
@@ -234,7 +236,9 @@ def grounded_pose(foot, told, leg, settings, bodies_at, bodies_turn):
     t = foot["stride_age"] / foot["stride_time"] if foot["stride_time"] > 0.0 else 1.0
     s = smooth_step(t)
     progress = swing_progress(foot, told, settings)
-    start, start_turn = swinging(foot, ankle, turn, root_z, progress, bodies_at, bodies_turn)
+    start, start_turn = swinging(
+        foot, ankle, turn, root_z, progress, settings, bodies_at, bodies_turn
+    )
     return lerp(start, base, s), quat_slerp(start_turn, base_turn, s)
 
 
@@ -243,13 +247,15 @@ def write_goal(foot, told, leg, settings, bodies_at, bodies_turn):
     """The goal of this frame, and what of the sole is held."""
     ankle, turn, root_z = get3(told["ankle"]), get4(told["turn"]), told["root_z"]
     foot["pin"], foot["locked"], foot["heel_lift"] = NO_PIN, 0, 0.0
+    fading = 1.0 - smooth_step(foot["air_age"] / max(settings["release_time"], 1e-3))
+    foot["toes"] = foot["toes_left"] * fading
     if foot["state"] == RELEASED:
         foot["weight"] = 0.0
         progress = swing_progress(foot, told, settings)
-        base, base_turn = swinging(foot, ankle, turn, root_z, progress, bodies_at, bodies_turn)
+        base, base_turn = swinging(
+            foot, ankle, turn, root_z, progress, settings, bodies_at, bodies_turn
+        )
         set3(foot["normal"], rotate(get4(foot["lift_turn"]), UP))
-        fading = foot["air_age"] / max(settings["release_time"], 1e-3)
-        foot["toes"] = 1.0 - smooth_step(fading)
     else:
         _, print_turn = print_of(foot, bodies_at, bodies_turn)
         set3(foot["normal"], rotate(print_turn, UP))
@@ -258,7 +264,7 @@ def write_goal(foot, told, leg, settings, bodies_at, bodies_turn):
             foot["bump"] = 0
         t = 1.0 if arrived else foot["stride_age"] / foot["stride_time"]
         foot["weight"] = 1.0 if foot["bump"] else smooth_step(t)
-        foot["toes"] = foot["weight"]
+        foot["toes"] = max(foot["toes"], foot["weight"])
         if arrived:
             # The first part of a known contact stands on the heel, which a lift would move.
             known = told["ahead"] and math.isfinite(told["to_release"])

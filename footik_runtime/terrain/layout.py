@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass
+from numbers import Real
 
 import mujoco
 import numpy as np
@@ -38,7 +39,10 @@ class Terrain:
     def __post_init__(self) -> None:
         check_setting("terrain seed", self.seed, (0, 2**63 - 1))
         check_setting("terrain half_width", self.half_width, (0.5, 1000.0))
-        if not self.pieces:
+        pieces = self.pieces
+        if not isinstance(pieces, (tuple, list)) or not all(isinstance(p, Piece) for p in pieces):
+            raise FootIKError(f"terrain {self.name!r} needs a tuple of pieces, not {pieces!r}.")
+        if not pieces:
             raise FootIKError(f"terrain {self.name!r} needs at least one piece.")
 
     @property
@@ -90,7 +94,7 @@ class Terrain:
 
         The geoms follow at the next mj_kinematics, mj_forward or mj_step.
         """
-        if not np.isfinite(time):
+        if not (isinstance(time, Real) and np.isfinite(time)):
             raise FootIKError(f"terrain time must be finite, not {time!r}.")
         for piece, site in zip(self.pieces, self.sites, strict=True):
             piece.move(model, data, site, time)
@@ -101,7 +105,10 @@ class Terrain:
         NaN beyond the extent, and where only rays know it: on rubble, stepping stones and moving
         platforms. On an edge between two pieces it is the later one's.
         """
-        x, y = np.broadcast_arrays(np.asarray(x, np.float64), np.asarray(y, np.float64))
+        try:
+            x, y = np.broadcast_arrays(np.asarray(x, np.float64), np.asarray(y, np.float64))
+        except (TypeError, ValueError) as error:
+            raise FootIKError(f"x and y must be numbers of one shape: {error}.") from None
         x_min, x_max, y_min, y_max = self.extent
         inside = (x >= x_min) & (x <= x_max) & (y >= y_min) & (y <= y_max)
         which = np.searchsorted([site.x for site in self.sites], x, side="right") - 1

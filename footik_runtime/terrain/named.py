@@ -111,8 +111,8 @@ def make_terrain(name: str, *, seed: int = 0, **settings: Any) -> Terrain:
 
     Example: make_terrain("slope", angle_deg=20.0).
     """
-    if name not in TERRAINS:
-        raise unknown_name("terrain", name, TERRAINS)
+    if not isinstance(name, str) or name not in TERRAINS:
+        raise unknown_name("terrain", str(name), TERRAINS)
     maker = TERRAINS[name]
     known = inspect.signature(maker).parameters
     for setting in settings:
