@@ -235,10 +235,10 @@ class Character:
         Raises:
             FootIKError: the pose is of another skeleton.
         """
-        if np.shape(rotations) != (len(self.qpos_address), 4) or np.shape(root_position_w) != (3,):
+        if rotations.shape != (len(self.qpos_address), 4) or root_position_w.shape != (3,):
             raise FootIKError(
                 f"a pose of this character is ({len(self.qpos_address)}, 4) rotations and a (3,) "
-                f"root, not {np.shape(rotations)} and {np.shape(root_position_w)}."
+                f"root, not {rotations.shape} and {root_position_w.shape}."
             )
         write_qpos(data.qpos, self.qpos_address, root_position_w, rotations, self.rest)
 
@@ -258,10 +258,8 @@ class Character:
         Raises:
             FootIKError: previous_qpos has another length than the model's qpos.
         """
-        if np.shape(previous_qpos) != (model.nq,):
-            raise FootIKError(
-                f"previous_qpos must be ({model.nq},), not {np.shape(previous_qpos)}."
-            )
+        if previous_qpos.shape != (model.nq,):
+            raise FootIKError(f"previous_qpos must be ({model.nq},), not {previous_qpos.shape}.")
         if not dt > 0.0:
             data.qvel[self.dofs] = 0.0
             return

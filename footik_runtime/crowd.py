@@ -207,7 +207,8 @@ class Crowd:
 
 def check_dt(dt: float) -> None:
     """Raise FootIKError unless dt, s, is finite and 0 or more."""
-    if not (isinstance(dt, Real) and math.isfinite(dt) and dt >= 0.0):
+    # float is asked first: it answers at once, where the abstract Real looks its kinds up.
+    if not (isinstance(dt, (float, Real)) and math.isfinite(dt) and dt >= 0.0):
         raise FootIKError(f"a step's dt must be 0 or more and finite, not {dt!r}.")
 
 
