@@ -168,14 +168,14 @@ class Crowd:
         elif not self._native:
             self._step_through_python(dt)
         elif self._pool is None:
-            step_native(*self._native[0], dt)
+            step_native(dt, *self._native[0])
         else:
-            jobs = [self._pool.submit(step_native, *given, dt) for given in self._native]
+            jobs = [self._pool.submit(step_native, dt, *given) for given in self._native]
             for job in jobs:
                 job.result()
 
     def _native_arguments(self) -> list[tuple]:
-        """What `step_native` takes before dt, for each part of the rows; none without native rays.
+        """What `step_native` takes after dt, for each part of the rows; none without native rays.
 
         Made once: all of it stays where it is, and is written in place.
         """
