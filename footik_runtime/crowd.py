@@ -144,7 +144,8 @@ class Crowd:
     def command(self, velocity: ArrayLike, turn_rate: ArrayLike = 0.0) -> None:
         """Tell characters where to go: (C, 2) or (2,) m/s in each root's frame; (C,) or one rad/s.
 
-        The motion's rate follows the speed where it moves at all, within half and twice its own.
+        The motion's rate follows the speed, or the turn rate where it turns in place, within
+        half and twice its own.
         Raises FootIKError for other shapes, and numbers that are not finite.
         """
         count = len(self.bodies)
@@ -154,6 +155,9 @@ class Crowd:
         if not stays_in_place(self.motion):
             speed = np.hypot(*self.bodies["velocity"].T)
             self.bodies["rate"] = np.clip(speed / self.motion.speed, *RATES)
+        elif abs(self.motion.yaw_rate) > _TURNING:
+            part = np.abs(self.bodies["turn_rate"] / self.motion.yaw_rate)
+            self.bodies["rate"] = np.clip(part, *RATES)
 
     def step(self, dt: float) -> None:
         """Advance every character by dt seconds, 0 or more.
@@ -220,6 +224,7 @@ def stays_in_place(motion: Motion) -> bool:
 RATES = (0.5, 2.0)
 """How slow and how fast a motion is played to match a speed, in parts of its own rate."""
 
+_TURNING = 0.1  # rad/s: slower is drift
 _STILL = 0.05  # m/s, for a leg of 0.85 m: slower is drift, not a gait
 
 _WORLD = Bodies(np.zeros((1, 3)), np.array([[1.0, 0.0, 0.0, 0.0]]))

@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from footik_runtime.builtin import builtin_motion
 from footik_runtime.crowd import Crowd, stays_in_place
 from footik_runtime.errors import FootIKError
 from footik_runtime.ground import RecordedGround, SceneGround
@@ -133,3 +134,11 @@ def test_whether_a_motion_stays_in_place_depends_on_its_size(idle, walk):
     skeleton = walk.rig.skeleton
     small = replace(walk.rig, skeleton=replace(skeleton, offsets=0.1 * skeleton.offsets))
     assert not stays_in_place(replace(drift, rig=small))
+
+
+def test_a_motion_that_turns_in_place_is_played_as_fast_as_it_is_told_to_turn():
+    turn = builtin_motion("turn")
+    crowd = Crowd(turn, NOWHERE)
+    for told, rate in ((1.5, 1.5), (-1.5, 1.5), (0.0, 0.5), (9.0, 2.0)):
+        crowd.command([0.0, 0.0], told * turn.yaw_rate)
+        assert crowd.bodies["rate"][0] == pytest.approx(rate)

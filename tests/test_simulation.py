@@ -212,7 +212,7 @@ def test_a_million_random_steps_stay_finite(
         some = rng.random(count) < 0.05
         crowd.bodies["velocity"][some] = rng.uniform(-3.0, 3.0, (int(some.sum()), 2))
         crowd.bodies["turn_rate"][some] = rng.uniform(-4.0, 4.0, int(some.sum()))
-        crowd.bodies["rate"][some] = rng.uniform(0.0, 2.0, int(some.sum()))
+        crowd.bodies["rate"][some] = rng.uniform(-0.5, 2.0, int(some.sum())).clip(0.0)
         crowd.bodies["enabled"][rng.random(count) < 0.02] ^= 1
         if by_weight:
             motion.timing["weight"] = rng.choice([0.0, 0.45, 0.5, 0.55, 1.0, rng.random()])
@@ -224,7 +224,16 @@ def test_a_million_random_steps_stay_finite(
             assert np.isfinite(values).all()
         length = np.linalg.norm(crowd.rotations, axis=-1)
         assert np.abs(length - 1.0).max() < 1e-9
-        for name in ("goal", "goal_turn", "out", "out_turn", "hold", "weight", "toes"):
+        for name in (
+            "goal",
+            "goal_turn",
+            "out",
+            "out_turn",
+            "hold",
+            "weight",
+            "toes",
+            "plan_place",
+        ):
             assert np.isfinite(crowd.feet[name]).all(), name
         assert ((crowd.feet["weight"] >= 0.0) & (crowd.feet["weight"] <= 1.0)).all()
 
