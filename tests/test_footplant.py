@@ -43,15 +43,15 @@ def sliding(speeds, heights=None):
     return np.stack([x, 0 * x, z], axis=-1)
 
 
-def crouched(rig, frames, slide=0.0, knee=0.6):
-    """The rest pose with bent knees; the root slides by so much a second and hops at the end."""
+def crouched(rig, frames, slide=0.0, knee=0.6, away=0.6):
+    """The rest pose with bent knees; it slides by so much a second, then `away` a second."""
     rotations = np.tile(rig.skeleton.rest_rotations, (frames, 1, 1))
     for leg in rig.legs:
         for joint, angle in ((leg.hip, -0.5 * knee), (leg.knee, knee), (leg.ankle, -0.5 * knee)):
             rotations[:, joint] = qa.mul(rotations[:, joint], qa.about([0.0, 1.0, 0.0], angle))
     place = np.tile(rig.skeleton.offsets[0], (frames, 1))
-    place[:, 0] += slide * np.arange(frames) / FPS
-    place[3 * frames // 4 :, 2] += 0.3
+    speed = np.where(np.arange(frames) < 3 * frames // 4, slide, away)
+    place[1:, 0] += np.cumsum(speed[1:]) / FPS
     return Clip(skeleton=rig.skeleton, fps=FPS, root_positions=place, rotations=rotations)
 
 
@@ -154,7 +154,7 @@ def test_planted_ankles_are_held_and_the_other_frames_are_left(rig):
 
 
 def test_a_perfect_plant_is_left_to_the_last_bit(rig):
-    clip = crouched(rig, 30)
+    clip = crouched(rig, 30, away=0.0)
     done = clean(clip, rig)
     assert done.plants
     assert np.array_equal(done.clip.rotations, clip.rotations)
@@ -162,9 +162,9 @@ def test_a_perfect_plant_is_left_to_the_last_bit(rig):
 
 
 def test_a_leg_that_cannot_reach_is_stretched_by_at_most_the_share(rig):
-    clip = crouched(rig, 40, slide=0.075, knee=0.15)
+    clip = crouched(rig, 40, slide=0.25, knee=0.05, away=0.25)
     for stretch in (0.0, 0.02):
-        done = clean(clip, rig, FootPlantOptions(speed=0.1, height=0.04, stretch=stretch))
+        done = clean(clip, rig, FootPlantOptions(speed=0.4, height=0.04, stretch=stretch))
         if not stretch:
             assert done.clip.translations is None
             continue
@@ -218,7 +218,9 @@ def test_twist_bones_between_hip_and_ankle_turn_with_their_bone():
 def test_what_is_no_leg_or_no_threshold_is_refused():
     leg = LegJoints(hip=2, knee=1, ankle=0, bend_axis=UP)
     with pytest.raises(FootIKError, match="not a leg"):
-        clean_frames(np.zeros((4, 3, 3)), np.tile([1.0, 0, 0, 0], (4, 3, 1)), [-1, 0, 1], [leg], fps=FPS)
+        clean_frames(
+            np.zeros((4, 3, 3)), np.tile([1.0, 0, 0, 0], (4, 3, 1)), [-1, 0, 1], [leg], fps=FPS
+        )
     for bad in (math.nan, -1.0, math.inf):
         with pytest.raises(FootIKError, match="FootPlant's speed"):
             FootPlantOptions(speed=bad)

@@ -77,10 +77,9 @@ def transforms(frames):
 
 def legs_of(record):
     # A straight leg's axis shows in no recorded clip; x is the side, and knees bend about it.
-    return [
-        LegJoints(**{k: record[s][k] for k in ("hip", "knee", "ankle")}, bend_axis=np.array([-1.0, 0.0, 0.0]))
-        for s, _ in SIDES
-    ]  # fmt: skip
+    axis = np.array([-1.0, 0.0, 0.0])
+    joints = [{k: record[s][k] for k in ("hip", "knee", "ankle")} for s, _ in SIDES]
+    return [LegJoints(**each, bend_axis=axis) for each in joints]
 
 
 @lru_cache
