@@ -7,7 +7,6 @@ there, so that `>= .5` at the frames is the contact again and no frame is ever a
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,15 +57,9 @@ def bake(
     notes = [f"curve {name!r} was there already and stays as it is" for name in kept]
     made = {name: keys for name, keys in made.items() if name not in kept}
     times = clip.times
-    return replace(
-        clip,
-        curves={**clip.curves, **{name: sample(keys, times) for name, keys in made.items()}},
-        extras={
-            **clip.extras,
-            CURVE_KEYS: {**clip.extras.get(CURVE_KEYS, {}), **made},
-            BAKE_NOTES: tuple(notes),
-        },
-    )
+    sampled = clip.with_curves(**{name: sample(keys, times) for name, keys in made.items()})
+    all_keys = {**clip.extras.get(CURVE_KEYS, {}), **made}
+    return sampled.with_extras(**{CURVE_KEYS: all_keys, BAKE_NOTES: tuple(notes)})
 
 
 def _require_match(clip: Clip, contacts: Contacts, rig: Rig) -> None:
