@@ -114,16 +114,16 @@ class Clip:
         """(T,) seconds of each frame."""
         return np.arange(len(self)) / self.fps
 
-    def with_curves(self, **curves: Array) -> Clip:
+    def with_curves(self, /, **curves: Array) -> Clip:
         """The same clip with these curves added or replaced."""
         self._require_curves(curves)
         return self._with(curves={**self.curves, **curves})
 
-    def with_extras(self, **extras: Any) -> Clip:
+    def with_extras(self, /, **extras: Any) -> Clip:
         """The same clip with these extras added or replaced."""
         return self._with(extras={**self.extras, **extras})
 
-    def _with(self, **fields: Any) -> Clip:
+    def _with(self, /, **fields: Any) -> Clip:
         """`replace` for what is no motion: checking all frames again would take longest."""
         changed = copy(self)
         for name, value in fields.items():

@@ -38,7 +38,7 @@ _THIRD = "0.33333334"
 def export_curves(
     path: str | os.PathLike[str], clip: Clip, kind: str, *, tolerance: float = 0.005
 ) -> list[Path]:
-    """Write the clip's curves for an engine beside `path`, named after it; returns what was written.
+    """Write the clip's curves for an engine beside `path`, named after it; returns those files.
 
     Args:
         path: of the clip's file, such as out/walk.bvh: gives walk.anim, walk.meta.yaml,

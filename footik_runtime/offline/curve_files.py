@@ -2,8 +2,8 @@
 
 The JSON form is also what a glTF file carries in an animation's extras:
 {"footik_curves": 1, "fps": .., "frames": .., "clip": .., "curves": {name: {"times": [..],
-"values": [..], "interpolation": "smooth" | "linear" | "step", "slopes": [..]}}}; slopes are left out
-where all are 0. Curves without keys of their own are written so that every frame is exact.
+"values": [..], "interpolation": "smooth" | "linear" | "step", "slopes": [..]}}}; slopes that are
+all 0 are left out. Curves without keys of their own are written so that every frame is exact.
 """
 
 from __future__ import annotations
@@ -115,10 +115,12 @@ def curves_from_json(data: Any, clip: Clip, where: str) -> Clip:
     curves = data.get("curves")
     if not isinstance(curves, dict):
         raise FootIKError(f'{where}: "curves" must hold name: keys, not {type(curves).__name__}.')
-    fps, frames = data.get("fps"), data.get("frames")
-    if not _is_number(fps) or not _is_number(frames):
-        raise FootIKError(f'{where}: "fps" and "frames" must be numbers.')
-    _require_frames(clip, int(frames), float(fps), where)
+    fps, frames = (_number(data.get(field), field, where) for field in ("fps", "frames"))
+    if frames != len(clip) or abs(fps - clip.fps) > _SAME_RATE * clip.fps:
+        raise FootIKError(
+            f"{where}: the curves are of {frames:g} frames at {fps:g} fps, "
+            f"but {clip.name} has {len(clip)} at {clip.fps:g}."
+        )
     keys = {name: _keys_from_json(name, entry, where) for name, entry in curves.items()}
     sampled = clip.with_curves(**{name: sample(each, clip.times) for name, each in keys.items()})
     # Lines through every frame are no keys that anyone made: exports may thin them.
@@ -131,12 +133,10 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) < 1e15
 
 
-def _require_frames(clip: Clip, frames: int, fps: float, where: str) -> None:
-    if frames != len(clip) or abs(fps - clip.fps) > _SAME_RATE * clip.fps:
-        raise FootIKError(
-            f"{where}: the curves are of {frames} frames at {fps:g} fps, "
-            f"but {clip.name} has {len(clip)} at {clip.fps:g}."
-        )
+def _number(value: Any, field: str, where: str) -> float:
+    if not _is_number(value):
+        raise FootIKError(f'{where}: "{field}" must be a number, not {str(value)[:40]!r}.')
+    return float(value)
 
 
 def _keys_from_json(name: str, entry: Any, where: str) -> Keys:
