@@ -202,7 +202,7 @@ TABLE = "time,weight\n0,0\n0.5,1\n1,0\n"
         (TABLE.replace("0.5,1", "0.5,x"), "row 3, column 'weight': 'x' is no finite number"),
         (TABLE.replace("0.5,1", "0.5,nan"), "'nan' is no finite number"),
         (TABLE.replace("0.5,1", "0.5,1e999"), "no finite number"),
-        (TABLE.replace("weight", "time,"), "row 2 has 2 cells"),
+        (TABLE.replace("weight", "a,b"), "row 2 has 2 cells"),
         (TABLE + "1.5,0\n", "the table has 4 rows at 2 a second, but walk has 3 frames at 2"),
         (TABLE.replace("1,0\n", "2,0\n"), "has 3 rows at 1 a second"),
         ("time,a,a\n0,0,0\n0.5,1,0\n1,0,0\n", "column 'a' is there twice"),
