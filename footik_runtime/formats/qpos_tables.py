@@ -164,7 +164,7 @@ def write_table(path: str | os.PathLike[str], table: Table) -> None:
         raise FootIKError(f"{path}: these joint values came from a {suffix} file and go to one.")
     if not table.is_csv:
         out = io.BytesIO()
-        np.savez(out, **table.arrays)
+        np.savez(out, allow_pickle=False, **table.arrays)
         write_whole(path, out.getvalue())
         return
     text = io.StringIO()

@@ -131,7 +131,7 @@ def _joint(model: mujoco.MjModel, j: int) -> ModelJoint:
 
 
 def locals_of(tree: Tree, qpos: Array) -> tuple[Array, Array, Array | None]:
-    """Root positions (T, 3), local rotations (T, J, 4) and, where they move, translations (T, J, 3).
+    """Root positions (T, 3), local rotations (T, J, 4), and translations (T, J, 3) if they move.
 
     As MuJoCo has it: a body's joints act one after the other, each about its own anchor.
     """

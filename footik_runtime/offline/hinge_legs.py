@@ -18,14 +18,17 @@ Array = NDArray[np.float64]
 
 ROUNDS = 20
 _DAMPING = 1e-9  # of the largest square in the Jacobian
-_TURN_WEIGHT = 0.05  # of the chain's length: what a radian off weighs beside a metre off
+_TURN_WEIGHT = 0.01  # of the chain's length: what a radian off weighs beside a metre off
 _DONE = 1e-12  # m and rad: steps smaller than this end the search
 _LARGEST_STEP = 0.3  # rad a round
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Hinge:
-    """column: its place among the chain's angles. axis, anchor: (3,) in its link's frame. zero: rad."""
+    """One hinge of a link.
+
+    column: its place among the chain's angles. axis, anchor: (3,) in its link's frame. zero: rad.
+    """
 
     column: int
     axis: Array
@@ -57,6 +60,8 @@ def solve_hinges(
     base: tuple[Array, Array],
     goal: tuple[Array, Array],
     limits: tuple[Array, Array],
+    *,
+    turn_only: bool = False,
 ) -> Solved:
     """Angles that bring the last link's origin and rotation to a goal, frame by frame.
 
@@ -66,23 +71,28 @@ def solve_hinges(
         base: place (N, 3) and rotation (N, 4) of the body above the first link, world.
         goal: place (N, 3) and rotation (N, 4) of the last link, world.
         limits: lowest and highest angle, (H,) each; a start beyond them may stay there.
+        turn_only: the goal's place does not count.
     """
     angles = np.array(angles, dtype=np.float64)
     low = np.minimum(limits[0], angles)
     high = np.maximum(limits[1], angles)
-    weight = _TURN_WEIGHT * max(sum(float(np.linalg.norm(k.offset)) for k in links[1:]), 1e-6)
+    length = sum(float(np.linalg.norm(link.offset)) for link in links[1:])
+    weight = 1.0 if turn_only else _TURN_WEIGHT * max(length, 1e-6)
+    pull = 0.0 if turn_only else 1.0
     best, least = angles.copy(), np.full(len(angles), np.inf)
     for round_ in range(ROUNDS + 1):
         place, turn, axes, anchors = _forward(links, angles, base)
         error = np.concatenate(
-            [goal[0] - place, weight * qa.to_rotvec(qa.mul(goal[1], qa.conj(turn)))], axis=-1
+            [pull * (goal[0] - place), weight * qa.to_rotvec(qa.mul(goal[1], qa.conj(turn)))],
+            axis=-1,
         )
         cost = np.sum(error * error, axis=-1)
         better = cost < least
         best[better], least[better] = angles[better], cost[better]
         if round_ == ROUNDS:
             break
-        step = _step(axes, place[:, None] - anchors, error, weight, angles, low, high)
+        arms = pull * (place[:, None] - anchors)
+        step = _step(axes, arms, error, weight, angles, low, high)
         if np.abs(step).max(initial=0.0) < _DONE:
             break
         angles = np.clip(angles + step, low, high)
@@ -98,7 +108,7 @@ def solve_hinges(
 def _forward(
     links: tuple[Link, ...], angles: Array, base: tuple[Array, Array]
 ) -> tuple[Array, Array, Array, Array]:
-    """Place and rotation of the end, and every hinge's axis (N, H, 3) and anchor (N, H, 3), world."""
+    """Place and rotation of the end, and all hinges' axes and anchors (N, H, 3), world."""
     place, turn = base
     axes = np.zeros((*angles.shape, 3))
     anchors = np.zeros((*angles.shape, 3))
