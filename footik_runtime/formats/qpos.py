@@ -277,12 +277,11 @@ def _rate_of_velocities(table: Table, source: QposSource) -> float | None:
     if not steps:
         return None
     step, speed = np.concatenate(steps), np.concatenate(speeds)
-    # Jumps, as between the takes of one file, are no steps.
-    usual = np.abs(step) <= 5.0 * np.quantile(np.abs(step), 0.9)
-    across = float(step[usual] @ speed[usual])
-    if not across > 0.0:
-        return None
-    return _snapped(float(speed[usual] @ speed[usual]) / across, _NEAR_RATE)
+    # Small steps are rounding and turning points; the median leaves out jumps between takes.
+    large = (np.abs(step) > np.median(np.abs(step))) & (step * speed > 0.0)
+    return (
+        _snapped(float(np.median(speed[large] / step[large])), _NEAR_RATE) if large.any() else None
+    )
 
 
 def _snapped(rate: float, near: float) -> float:

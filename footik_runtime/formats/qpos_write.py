@@ -101,15 +101,15 @@ def _set_legs(
         if len(frames) == 0:
             continue
         above = int(tree.skeleton.parents[chain[0]])
-        columns = [joint.column for joint in joints]
+        cells = np.ix_(frames, np.array([joint.column for joint in joints]))
         solved = solve_hinges(
             _links(tree, chain, joints),
-            out[np.ix_(frames, columns)],
+            out[cells],
             (positions[frames, above], rotations[frames, above]),
             (positions[frames, leg.ankle], rotations[frames, leg.ankle]),
             _limits(joints),
         )
-        out[np.ix_(frames, columns)] = solved.angles
+        out[cells] = solved.angles
         off[frames] |= solved.off > _UNREACHED
         report["legs"][leg.name] = {
             "largest_off": float(solved.off.max()),
@@ -162,16 +162,16 @@ def _set_hinges(tree: Tree, j: int, out: Array, turned: Bools, rotations: Array)
     hinges = [joint for joint in tree.joints[j] if joint.kind == HINGE]
     if not hinges:
         return False
-    columns = [joint.column for joint in hinges]
     frames = np.flatnonzero(turned)
+    cells = np.ix_(frames, np.array([joint.column for joint in hinges]))
     nowhere = np.zeros((len(frames), 3))
     solved = solve_hinges(
         _links(tree, [j], hinges),
-        out[np.ix_(frames, columns)],
+        out[cells],
         (nowhere, np.tile([1.0, 0.0, 0.0, 0.0], (len(frames), 1))),
         (nowhere, rotations[frames]),
         _limits(hinges),
         turn_only=True,
     )
-    out[np.ix_(frames, columns)] = solved.angles
+    out[cells] = solved.angles
     return bool(solved.turned_off.max() <= _UNTURNED)
