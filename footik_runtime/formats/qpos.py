@@ -29,7 +29,7 @@ from footik_runtime.formats.qpos_tables import (
     write_table,
 )
 from footik_runtime.formats.qpos_tree import FREE, WIDTHS, Tree, locals_of, tree_of
-from footik_runtime.formats.qpos_write import qpos_of
+from footik_runtime.formats.qpos_write import qpos_of, qvel_of
 from footik_runtime.rig import Rig
 
 Array = NDArray[np.float64]
@@ -91,6 +91,8 @@ def read_qpos(
     tree = tree_of(model if isinstance(model, mujoco.MjModel) else _model(model))
     table = read_table(path)
     source = _by_rows(table, tree, path) or _by_columns(table, tree, path)
+    if len(source.qpos) == 0:
+        raise FootIKError(f"{path}: has no frames.")
     bad = np.argwhere(~np.isfinite(source.qpos))
     if len(bad):
         raise FootIKError(f"{path}: the joint values are not finite at frame {bad[0][0]}.")
@@ -134,7 +136,6 @@ def _by_rows(table: Table, tree: Tree, path: str | os.PathLike[str]) -> QposSour
                 f"{path}: qpos is {rows.shape} of {rows.dtype}; this model's rows have "
                 f"{tree.width} numbers."
             )
-        _require_frames(len(rows), path)
         return QposSource(table=table, tree=tree, qpos=rows.astype(np.float64), rows="qpos")
     if table.header is not None and any(name.startswith("q_") for name in table.header):
         return None
@@ -172,7 +173,11 @@ def _quaternion_last(tree: Tree, qpos: Array) -> bool:
 
 
 def _by_columns(table: Table, tree: Tree, path: str | os.PathLike[str]) -> QposSource:
-    given = {n[2:]: n for n, a in table.arrays.items() if n.startswith("q_") and a.ndim == 1}
+    given = {
+        name[2:]: name
+        for name, array in table.arrays.items()
+        if name.startswith("q_") and array.ndim == 1 and array.dtype.kind in "fiu"
+    }
     joints = {n: j for n, j in tree.named().items() if WIDTHS[j.kind] == 1}
     found = {name: joints[name] for name in given if name in joints}
     root, turn = _root_columns(given, tree)
@@ -187,7 +192,6 @@ def _by_columns(table: Table, tree: Tree, path: str | os.PathLike[str]) -> QposS
     if len(lengths) != 1:
         raise FootIKError(f"{path}: its joints have different lengths: {sorted(lengths)}.")
     frames = lengths.pop()
-    _require_frames(frames, path)
     qpos = np.tile(tree.rest, (frames, 1))
     for name, joint in found.items():
         qpos[:, joint.column] = table.arrays[given[name]]
@@ -234,11 +238,6 @@ def _root_names(prefix: str | None) -> set[str]:
     if prefix is None:
         return set()
     return {f"{prefix}_{part}" for part in (*_ROOT_PLACE, *_ROOT_TURN)}
-
-
-def _require_frames(frames: int, path: str | os.PathLike[str]) -> None:
-    if frames < 1:
-        raise FootIKError(f"{path}: has no frames.")
 
 
 # --- rates --------------------------------------------------------------------------------------
@@ -314,8 +313,15 @@ def write_qpos(clip: Clip, path: str | os.PathLike[str]) -> dict[str, Any]:
 def _changed_arrays(source: QposSource, qpos: Array, fps: float) -> dict[str, NDArray[Any]]:
     arrays = source.table.arrays
     if source.rows is not None:
-        rows = np.where(qpos == source.qpos, arrays[source.rows], qpos)
-        return {source.rows: rows}
+        # Where nothing changed this is what was read: float64 holds every float32.
+        changed, speeds = {source.rows: qpos}, arrays.get("qvel")
+        if (
+            speeds is not None
+            and speeds.ndim == 2
+            and speeds.shape == (len(qpos), source.tree.speeds)
+        ):
+            changed["qvel"] = qvel_of(source.tree, speeds, qpos - source.qpos, fps)
+        return changed
     out = qpos
     if source.quaternion_last:
         out = qpos.copy()

@@ -33,13 +33,14 @@ WIDTHS = {FREE: 7, BALL: 4, SLIDE: 1, HINGE: 1}
 class ModelJoint:
     """One joint of a model.
 
-    column: its first number's place in qpos. axis, anchor: (3,) in its body's frame. low, high: rad
+    column: its first number's place in qpos; speed_column: in qvel. axis, anchor: (3,) in its body's frame. low, high: rad
     or m, infinite where it has no limits. zero: the value at which the body is as the model says.
     """
 
     name: str
     kind: int
     column: int
+    speed_column: int
     axis: Array
     anchor: Array
     low: float
@@ -56,12 +57,14 @@ class Tree:
         rig: its legs, or None where it has none.
         joints: (J,) the joints of each skeleton joint's body, outermost first.
         rest: (nq,) the model's qpos0.
+        speeds: numbers in a row of qvel.
     """
 
     skeleton: Skeleton
     rig: Rig | None
     joints: tuple[tuple[ModelJoint, ...], ...]
     rest: Array
+    speeds: int
 
     @property
     def width(self) -> int:
@@ -82,7 +85,9 @@ def tree_of(model: mujoco.MjModel) -> Tree:
     except FootIKError:
         rig, skeleton = None, _largest(model)
     joints = tuple(_joints(model, name) for name in skeleton.names)
-    return Tree(skeleton=skeleton, rig=rig, joints=joints, rest=np.array(model.qpos0))
+    return Tree(
+        skeleton=skeleton, rig=rig, joints=joints, rest=np.array(model.qpos0), speeds=int(model.nv)
+    )
 
 
 def _body_name(model: mujoco.MjModel, body: int) -> str:
@@ -122,6 +127,7 @@ def _joint(model: mujoco.MjModel, j: int) -> ModelJoint:
         name=model.joint(j).name or f"joint{j}",
         kind=int(model.jnt_type[j]),
         column=column,
+        speed_column=int(model.jnt_dofadr[j]),
         axis=np.array(model.jnt_axis[j]),
         anchor=np.array(model.jnt_pos[j]),
         low=float(low),

@@ -56,6 +56,23 @@ def qpos_of(clip: Clip, before: Clip, tree: Tree, qpos: Array) -> tuple[Array, d
     return out, report
 
 
+def qvel_of(tree: Tree, qvel: Array, change: Array, fps: float) -> Array:
+    """Velocities (T, nv) of rows of qpos that changed by (T, nq): of places, slides and hinges.
+
+    Those of ball joints and of a free root's rotation are left as they are.
+    """
+    out = qvel.astype(np.float64)
+    if len(change) < 2:
+        return out
+    for joint in (joint for joints in tree.joints for joint in joints):
+        width = {FREE: 3, SLIDE: 1, HINGE: 1}.get(joint.kind, 0)
+        own = change[:, joint.column : joint.column + width]
+        if own.any():
+            rate = np.gradient(own, axis=0) * fps
+            out[:, joint.speed_column : joint.speed_column + width] += rate
+    return out
+
+
 def _turned(a: Array, b: Array) -> Bools:
     """(T, J) where rotations differ, by more than their sign."""
     return ~((a == b).all(axis=-1) | (a == -b).all(axis=-1))
