@@ -30,7 +30,13 @@ JSON_CHUNK, BIN_CHUNK = 0x4E4F534A, 0x004E4942
 FLOAT = 5126
 _KINDS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", FLOAT: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
-_NAMES = {int: "a whole number", float: "a number", str: "a text", list: "a list", dict: "an object"}
+_NAMES = {
+    int: "a whole number",
+    float: "a number",
+    str: "a text",
+    list: "a list",
+    dict: "an object",
+}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -197,9 +203,7 @@ class Gltf:
             self.fail(f"{where} tells of {count} elements; {own} ends before the last of them")
         if not count:
             return np.zeros((0, width), dtype=dtype)
-        return np.ndarray(
-            (count, width), dtype, data, offset + begin, (stride, dtype.itemsize)
-        )
+        return np.ndarray((count, width), dtype, data, offset + begin, (stride, dtype.itemsize))
 
     def _with_sparse(self, found: NDArray, sparse: Any, dtype: np.dtype, where: str) -> NDArray:
         own = f"sparse of {where}"

@@ -3,7 +3,7 @@
 The clip's joints are the skin's, with all animated nodes below and above them; joint 0 is the
 lowest node above them all. Still ancestors of it, such as an "Armature" that turns z up into y up,
 are folded into the root. Rest is where the nodes are without animation. Lengths are metres, as
-glTF says, unless the skeleton has a size that none in metres has.
+glTF says, unless the skeleton is far too large for that.
 """
 
 from __future__ import annotations
@@ -11,15 +11,14 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from footik_runtime.clip import Clip
 from footik_runtime.errors import FootIKError, unknown_name
-from footik_runtime.formats.bvh_guess import UNITS, guess_scale
 from footik_runtime.formats.glb_container import Gltf, read_container
+from footik_runtime.formats.gltf_curves import CURVES, LOOP, TIP, read_curves
 from footik_runtime.formats.gltf_tracks import (
     Grid,
     Track,
@@ -45,10 +44,7 @@ __all__ = ["GltfSource", "animation_names", "read_animations", "read_gltf"]
 
 Array = NDArray[np.float64]
 
-CURVES = "footik_curves"  # keys of ours in extras
-LOOP = "footik_loop"
-TIP = "footik_tip"
-SMALLEST, LARGEST = 0.1, 20.0  # m, of all joints: others are not in metres
+LARGEST = 20.0  # m, of all joints at rest: what is larger is not in metres
 STEADY = 1e-5  # of the skeleton's size: translations that move less are those of rest
 
 
@@ -98,7 +94,7 @@ def read_gltf(
         animation: its name or index; the first one where None.
         skin: name or index of the skin whose joints are wanted; the largest where None.
         fps: frames a second; where None, those at which the file has its keys.
-        scale: metres a unit; where None, 1 unless that would make no body's size.
+        scale: metres a unit; where None, 1 unless the skeleton is over 20 m then.
 
     Returns:
         The clip, in metres, z up, facing as the file does (its +z is our +x). `extras["gltf"]` is
@@ -174,6 +170,19 @@ def _clip(
     fps: float | None,
     scale: float | None,
 ) -> Clip:
+    with np.errstate(all="ignore"):  # the skeleton and the clip refuse what is not finite
+        return _read_clip(gltf, tree, index, name, skin, fps, scale)
+
+
+def _read_clip(
+    gltf: Gltf,
+    tree: Tree,
+    index: int,
+    name: str,
+    skin: str | int | None,
+    fps: float | None,
+    scale: float | None,
+) -> Clip:
     tracks = read_tracks(gltf, index)
     nodes, notes = choose_joints(gltf, tree, skin, {track.node for track in tracks})
     joint = {node: j for j, node in enumerate(nodes)}
@@ -202,7 +211,7 @@ def _clip(
             translations=moves,
             curves=read_curves(gltf, extras.get(CURVES), grid),
             loop=extras.get(LOOP) is True,
-            name=name if gltf.get(gltf.item("animations", index), "name", str, "", "") else _stem(gltf),
+            name=name if "name" in gltf.item("animations", index) else gltf.path.stem,
             extras={"notes": notes},
         )
     except FootIKError as error:
@@ -220,10 +229,6 @@ def _clip(
         loop=clip.loop,
     )
     return clip
-
-
-def _stem(gltf: Gltf) -> str:
-    return gltf.path.stem
 
 
 def _scales(gltf: Gltf, tree: Tree, tracks: list[Track]) -> tuple[Array, list[str]]:
@@ -276,22 +281,17 @@ def _skeleton(gltf: Gltf, tree: Tree, joints: Joints) -> Skeleton:
 
 
 def _unit(tree: Tree, joints: Joints, notes: list[str]) -> float:
-    """Metres a unit: 1, unless the rest pose would be no body's size then."""
+    """Metres a unit: 1, unless the rest pose would be far too large then."""
     offsets, turns = _rest(tree, joints)
     skeleton = Skeleton(
         names=joints.names, parents=joints.parents, offsets=offsets, rest_rotations=turns
     )
     with np.errstate(all="ignore"):
-        places, _ = skeleton.rest_pose()
-        size = float(np.ptp(places, axis=0).max())
-        if not np.isfinite(size) or size <= 0.0 or SMALLEST <= size <= LARGEST:
-            return 1.0
-        unit = guess_scale(places[None], places[None], "z")
-    unit_name = UNITS.get(unit, "an odd unit")
-    notes.append(
-        f"glTF has metres, but the skeleton would be {size:.3g} m long: {unit_name} taken "
-        f"({unit:g} m a unit)."
-    )
+        size = float(np.ptp(skeleton.rest_pose()[0], axis=0).max())
+    if not LARGEST < size < np.inf:
+        return 1.0
+    unit, word = (0.01, "centimetres") if 0.01 * size <= LARGEST else (0.001, "millimetres")
+    notes.append(f"Lengths in metres would make a skeleton of {size:.0f} m: {word} taken.")
     return unit
 
 
@@ -322,37 +322,3 @@ def _arrays(
             moves[:, j] = metres
     turns[:, 0] = mul(joints.turn, turns[:, 0])
     return places, turns, moves
-
-
-def read_curves(gltf: Gltf, held: Any, grid: Grid) -> dict[str, Array]:
-    """Curves (T,) of an animation's extras: "smooth" eases between keys, "step" holds."""
-    if held is None:
-        return {}
-    where = f"extras.{CURVES}"
-    found: dict[str, Array] = {}
-    for name, curve in gltf.get(held, "curves", dict, where).items():
-        own = f"the curve {name[:60]!r} of {where}"
-        count = len(gltf.get(curve, "times", list, own))
-        times, values = (gltf.numbers(curve, key, count, own) for key in ("times", "values"))
-        if not count or times is None or values is None or (np.diff(times) < 0.0).any():
-            gltf.fail(f"{own} needs as many values as times, and times that grow")
-        kind = gltf.get(curve, "interpolation", str, own, "linear")
-        found[name] = _sampled(times, values, kind, np.arange(grid.frames) / grid.fps)
-    return found
-
-
-def _sampled(times: Array, values: Array, kind: str, at: Array) -> Array:
-    """A curve's keys at times (T,), s: exact on each key."""
-    if len(times) == 1:
-        return np.full(len(at), values[0])
-    near = 1e-9 * max(1.0, float(np.abs(at).max(initial=0.0)))
-    k = np.clip(np.searchsorted(times, at + near, side="right") - 1, 0, len(times) - 2)
-    span = times[k + 1] - times[k]
-    u = np.clip((at - times[k]) / np.where(span > 0.0, span, 1.0), 0.0, 1.0)
-    u = np.where(u <= near / np.maximum(span, near), 0.0, u)
-    if kind == "step":
-        return np.where(u < 1.0, values[k], values[k + 1])
-    if kind == "smooth":
-        u = u * u * (3.0 - 2.0 * u)
-    mixed = values[k] + (values[k + 1] - values[k]) * u
-    return np.where(u >= 1.0, values[k + 1], mixed)

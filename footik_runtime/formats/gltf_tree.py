@@ -84,7 +84,7 @@ def read_tree(gltf: Gltf) -> Tree:
     moves, turns, scales = np.zeros((count, 3)), np.zeros((count, 4)), np.ones((count, 3))
     turns[:, 0] = 1.0
     for n in range(count):
-        moves[n], turns[n], scales[n] = _placed(gltf, n)
+        moves[n], turns[n], scales[n] = placed(gltf, n)
     parents, order = _family(gltf, count)
     names = _names(gltf, count)
     sizes = np.abs(scales)
@@ -113,8 +113,8 @@ def read_tree(gltf: Gltf) -> Tree:
     )
 
 
-def _placed(gltf: Gltf, n: int) -> tuple[Array, Array, Array]:
-    """Translation, rotation and scale of one node, in our axes."""
+def placed(gltf: Gltf, n: int) -> tuple[Array, Array, Array]:
+    """Rest translation (3,), rotation (4,) and scale (3,) of one node, in our axes."""
     node, where = gltf.item("nodes", n), f"nodes[{n}]"
     matrix = gltf.numbers(node, "matrix", 16, where)
     if matrix is not None:
@@ -280,6 +280,11 @@ def place_joints(tree: Tree, nodes: list[int], scales: Array, unit: float) -> Jo
     for j, n in enumerate(nodes[1:], start=1):
         parent = tree.parents[n]
         metres[j] = metres[index[parent]] * scales[parent]
+    if not (1e-12 < metres.min() and metres.max() < 1e12):
+        raise FootIKError(
+            f"the scales above joint {tree.names[nodes[int(np.argmin(metres))]]!r} multiply to "
+            f"{metres.min():g}; 1e-12 to 1e12 are read."
+        )
     return Joints(
         nodes=tuple(nodes),
         parents=np.array([-1] + [index[tree.parents[n]] for n in nodes[1:]], dtype=np.int32),
