@@ -59,6 +59,7 @@ class Gltf:
     _buffers: dict[int, memoryview] = field(default_factory=dict, repr=False)
 
     def fail(self, what: str) -> NoReturn:
+        """Raise FootIKError: the file's name, and what is wrong with it."""
         raise FootIKError(f"{self.path.name}: {what}.")
 
     def items(self, kind: str) -> list[Any]:

@@ -194,10 +194,11 @@ def _read_clip(
     joints = place_joints(tree, nodes, scales, scale or 1.0)
     if scale is None and (unit := _unit(tree, joints, notes)) != 1.0:
         joints = place_joints(tree, nodes, scales, unit)
-    grid = find_grid(gltf, own, len(nodes), fps)
+    moving = [track for track in own if track.path != "scale"]
+    grid = find_grid(gltf, moving or own, len(nodes), fps)
     if not grid.exact:
         notes.append(f"The keys lie on no even frames: sampled {grid.fps:.6g} times a second.")
-    held = {(joint[t.node], t.path): t for t in own if t.path != "scale"}
+    held = {(joint[t.node], t.path): t for t in moving}
     skeleton = _skeleton(gltf, tree, joints)
     extras = gltf.item("animations", index).get("extras")
     extras = extras if isinstance(extras, dict) else {}

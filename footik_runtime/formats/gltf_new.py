@@ -42,8 +42,8 @@ def new_gltf(clip: Clip) -> Additions:
 
     add(0, "translation", clip.root_positions[:, THEIRS])
     for j in range(len(skeleton)):
-        if (clip.rotations[:, j] != skeleton.rest_rotations[j]).any():
-            add(j, "rotation", clip.rotations[:, j][:, THEIRS_TURN])
+        # One for each joint, moving or not: by that they are known as joints.
+        add(j, "rotation", clip.rotations[:, j][:, THEIRS_TURN])
         moves = None if clip.translations is None or j == 0 else clip.translations[:, j]
         if moves is not None and (moves != skeleton.offsets[j]).any():
             add(j, "translation", moves[:, THEIRS])

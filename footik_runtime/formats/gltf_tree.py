@@ -92,16 +92,17 @@ def read_tree(gltf: Gltf) -> Tree:
     mean = np.cbrt(np.prod(np.where(good[:, None], sizes, 1.0), axis=1))
     mean[np.abs(mean - 1.0) < ALIKE] = 1.0
     notes = []
-    for what, bad in (
+    odd = [
         ("a scale of zero, which is taken as 1", ~good),
         ("a mirroring scale, whose sign is left out", good & (scales < 0.0).any(axis=1)),
         (
             "another scale along each axis; their mean is taken",
             good & (np.ptp(sizes, axis=1) > 10 * ALIKE * sizes.max(axis=1)),
         ),
-    ):
-        if bad.any():
-            notes.append(f"Node {names[int(np.argmax(bad))]!r} has {what}.")
+    ]
+    for what, bad in odd:
+        for n in np.flatnonzero(bad)[:1]:
+            notes.append(f"Node {names[n]!r} has {what}.")
     return Tree(
         parents=parents,
         order=order,
@@ -124,7 +125,7 @@ def placed(gltf: Gltf, n: int) -> tuple[Array, Array, Array]:
             scale[0] = -scale[0]
         turn = np.array([1.0, 0.0, 0.0, 0.0])
         if (np.abs(scale) > 1e-9).all():
-            x, y, z = columns / scale[:, None]
+            _, y, z = columns / scale[:, None]
             turn = from_bone(z, y) if np.linalg.norm(np.cross(y, z)) > 1e-6 else turn
         return matrix[12:15][OURS], turn, scale
     move = gltf.numbers(node, "translation", 3, where)
@@ -280,7 +281,7 @@ def place_joints(tree: Tree, nodes: list[int], scales: Array, unit: float) -> Jo
     for j, n in enumerate(nodes[1:], start=1):
         parent = tree.parents[n]
         metres[j] = metres[index[parent]] * scales[parent]
-    if not (1e-12 < metres.min() and metres.max() < 1e12):
+    if not (metres.min() > 1e-12 and metres.max() < 1e12):
         raise FootIKError(
             f"the scales above joint {tree.names[nodes[int(np.argmin(metres))]]!r} multiply to "
             f"{metres.min():g}; 1e-12 to 1e12 are read."
