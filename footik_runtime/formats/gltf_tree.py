@@ -88,7 +88,7 @@ def read_tree(gltf: Gltf) -> Tree:
     parents, order = _family(gltf, count)
     names = _names(gltf, count)
     sizes = np.abs(scales)
-    good = (sizes > 1e-9).all(axis=1)
+    good = np.asarray((sizes > 1e-9).all(axis=1))
     mean = np.cbrt(np.prod(np.where(good[:, None], sizes, 1.0), axis=1))
     mean[np.abs(mean - 1.0) < ALIKE] = 1.0
     notes = []
@@ -101,7 +101,7 @@ def read_tree(gltf: Gltf) -> Tree:
         ),
     ]
     for what, bad in odd:
-        for n in np.flatnonzero(bad)[:1]:
+        for n in np.flatnonzero(np.asarray(bad))[:1]:
             notes.append(f"Node {names[n]!r} has {what}.")
     return Tree(
         parents=parents,
