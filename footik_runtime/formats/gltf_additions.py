@@ -78,7 +78,8 @@ class Additions:
 
     def accessor(self, values: Array) -> int:
         """Append (K, width) numbers as float32 and say under which index; times get min and max."""
-        single = np.ascontiguousarray(values, dtype="<f4")
+        with np.errstate(over="ignore"):
+            single = np.ascontiguousarray(values, dtype="<f4")
         if not np.isfinite(single).all():
             raise FootIKError(
                 f"{self.gltf.path.name}: a value is beyond what glTF's float32 holds."
