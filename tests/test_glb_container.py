@@ -143,8 +143,18 @@ def test_numbers_that_are_not_finite_are_told_with_their_place(tmp_path: Path):
 
 @pytest.mark.parametrize(
     "uri",
-    ["../a.bin", "/etc/passwd", "http://a.bc/x.bin", "file:///etc/passwd", "a\\..\\b", "%2e%2e/a"]
-    + ["a\0b", "", "C:/x.bin", "sub/../../a.bin"],
+    [
+        "../a.bin",
+        "/etc/passwd",
+        "http://a.bc/x.bin",
+        "file:///etc/passwd",
+        "a\\..\\b",
+        "%2e%2e/a",
+        "a\0b",
+        "",
+        "C:/x.bin",
+        "sub/../../a.bin",
+    ],
 )
 def test_only_files_beside_the_document_are_opened(uri, tmp_path: Path):
     path = with_accessor().gltf(tmp_path / "clip.gltf")
@@ -219,7 +229,7 @@ def test_a_broken_file_is_told(data, message, tmp_path: Path):
 def test_a_document_nested_without_end_is_refused(tmp_path: Path):
     path = tmp_path / "clip.gltf"
     path.write_bytes(TEXT % (b'{"aaaaaaaaaaaaaaaa":' * 100_000 + b"1" + b"}" * 100_000))
-    with pytest.raises(FootIKError, match="clip.gltf"):
+    with pytest.raises(FootIKError, match=r"clip\.gltf"):
         read_container(path)
 
 

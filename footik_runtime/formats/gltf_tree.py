@@ -238,7 +238,9 @@ def choose_joints(
             f"{len(outside)} animated nodes, such as {tree.names[outside[0]]!r}, are no part of "
             "the skeleton and stay as they are."
         )
-    return [n for n in tree.order if n in wanted], notes
+    by_index = sorted(wanted)
+    ordered = all(tree.parents[n] < n for n in by_index if n != root)
+    return by_index if ordered else [n for n in tree.order if n in wanted], notes
 
 
 def _largest_family(tree: Tree, nodes: set[int]) -> set[int]:
