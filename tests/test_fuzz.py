@@ -15,8 +15,8 @@ from footik_runtime.formats import read_bvh
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 
-from fuzz_formats import formats, fuzz, judge, seeds
-from mutated_files import mutated
+from fuzz_formats import formats, fuzz, judge, seeds  # pyright: ignore[reportMissingImports]
+from mutated_files import mutated  # pyright: ignore[reportMissingImports]
 
 
 @pytest.fixture(scope="module")

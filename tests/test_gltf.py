@@ -147,7 +147,7 @@ def test_keys_between_frames_are_joined_as_the_file_says(kind: str, tmp_path: Pa
     u = ((even - times[k]) / np.array([0.2, 0.4, 1.0])[k])[:, None]
     follow = np.minimum(k + 1, 2)
     if kind == "STEP":
-        expected, turned = moves[k], turns[k]
+        expected, turned = moves[k], Rotation.from_quat(quats[k])
     elif kind == "LINEAR":
         expected, turned = moves[k] + u * (moves[follow] - moves[k]), Slerp(times, turns)(even)
     else:
