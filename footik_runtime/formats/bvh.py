@@ -23,6 +23,8 @@ from footik_runtime.formats.bvh_write import write_bvh
 
 __all__ = ["BvhLayout", "read_bvh", "write_bvh"]
 
+FEW_CELLS = 400_000  # a joint in a frame each: so many are read from the smallest file
+
 
 def read_bvh(
     path: str | os.PathLike[str],
@@ -57,7 +59,18 @@ def read_bvh(
         raise FootIKError(f"{path.name}: {error}") from None
 
 
+def _require_in_proportion(text: BvhText) -> None:
+    """Turn away files whose joints without channels would fill a memory that no motion fills."""
+    cells, most = len(text.values) * len(text.names), max(FEW_CELLS, len(text.motion) // 3)
+    if cells > most:
+        raise FootIKError(
+            f"{len(text.values)} frames of {len(text.names)} joints, most of them without "
+            f"channels; a file of this size may hold {most // len(text.names)} frames of so many."
+        )
+
+
 def _clip(text: BvhText, name: str, up: str | None, scale: float | None) -> Clip:
+    _require_in_proportion(text)
     layout = _layout(text)
     notes = list(text.notes)
     if up is None or scale is None:

@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 
 # Where each axis of the file (x, y, z) lies among ours.
 AXES = {"y": [1, 2, 0], "z": [0, 1, 2]}
+BLOCK = 1024  # frames turned at once: what lies between angles and quaternions is five times both
 _BROADCAST_RATES = (24000 / 1001, 30000 / 1001, 60000 / 1001, 120000 / 1001)
 
 
@@ -126,7 +127,9 @@ def pose_arrays(layout: BvhLayout, values: Array) -> tuple[Array, Array, Array |
     frames, joints = len(values), list(joint_channels(layout.channels, layout.up))
     turns = np.empty((frames, len(joints), 4))
     for order, members, columns in by_order(joints, list(range(len(joints)))):
-        turns[:, members] = euler_to_quaternions(np.radians(values.T[columns]), order).T
+        for start in range(0, frames, BLOCK):
+            angles = np.radians(values[start : start + BLOCK].T[columns])
+            turns[start : start + BLOCK, members] = euler_to_quaternions(angles, order).T
     offsets = layout.skeleton().offsets
     with np.errstate(over="ignore"):  # the clip refuses what is not finite
         moved = {
