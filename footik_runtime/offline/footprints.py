@@ -24,8 +24,10 @@ _WINDOW = 0.08  # s within which a phase's ends are looked for
 _SHORTEST_PHASE = 0.05  # s: a foot that rocks back for less does not
 _PER_FRAME = 1e-4  # m of the pinned point's way that moving an end by a frame must save
 _STANDS = 0.02  # m/s: a point this slow stands, however still the others are
-_MOST_TRIMMED = 0.10  # s off either end of a contact whose foot otherwise stands quite still
-_MOSTLY = 0.6
+_LEAVES = 0.15  # m/s, over twice what it does in mid-contact: a point this fast is not held
+_BETWEEN = 1.0 / 60.0  # s over which that speed is told
+_MOST_TRIMMED = 0.10  # s, and a third of the contact, off either end of it
+_MOSTLY = 0.6  # of a contact's frames: a foot still in so many stands quite still
 _BY_FLAT = 0.02  # weight of other frames, against flat ones, in where a foot points
 
 
@@ -35,7 +37,7 @@ class Footprints:
 
     Attributes:
         fps: frames a second.
-        spans: (K, 3) foot, first frame, frame after the last.
+        spans: (K, 3) foot, first frame, frame after the last in which the foot can be held.
         places: (K, 3) m, of the sole under the ankle, on average.
         directions: (K, 3) unit, from heel to ball of the flat foot.
         has_flat: (K,) whether it ever is.
@@ -64,6 +66,9 @@ def footprints(work: Working, contacts: Contacts, spans: Ints) -> Footprints:
     stretches = stretches[:count]
     window = max(1, round(_WINDOW * fps))
     _refine(work.soles, spans, stretches, window, _PER_FRAME * work.scale)
+    spans = spans.copy()
+    apart = max(1, round(_BETWEEN * fps))
+    _release(work.soles, spans, stretches, fps, apart, _LEAVES * work.scale, _MOST_TRIMMED * fps)
     soles = np.array([(leg.sole.heel, leg.sole.ball) for leg in work.rig.legs])
     places, directions = np.empty((len(spans), 3)), np.empty((len(spans), 3))
     has_flat, wobble = np.zeros(len(spans), dtype=np.bool_), np.empty(len(spans))
@@ -203,6 +208,56 @@ def _pinned_speed(soles, foot, t, start, stop, phase, fps):
         balls = sub(get3(soles[b, foot, BALL_POINT]), get3(soles[a, foot, BALL_POINT]))
         speed += norm(balls)
     return speed * fps / (b - a) * (0.5 if phase == FLAT else 1.0)
+
+
+@compiled
+def _way_between(soles, foot, a, b, phase):
+    """How far what is pinned goes from frame a to b, m; the farther of both when flat."""
+    by_heel = norm(sub(get3(soles[b, foot, HEEL_POINT]), get3(soles[a, foot, HEEL_POINT])))
+    by_ball = norm(sub(get3(soles[b, foot, BALL_POINT]), get3(soles[a, foot, BALL_POINT])))
+    if phase == FLAT:
+        return max(by_heel, by_ball)
+    return by_heel if phase == HEEL else by_ball
+
+
+@compiled
+def _release(soles, spans, stretches, fps, apart, leaves, most):
+    """Take off each contact's ends what still comes down, or already leaves.
+
+    A foot that bears weight may move faster than one that can be held: its ball rolls off the tip.
+    """
+    first = 0
+    for k in range(spans.shape[0]):
+        foot, start, stop = spans[k, 0], spans[k, 1], spans[k, 2]
+        last = first
+        while last < stretches.shape[0] and stretches[last, 0] == k:
+            last += 1
+        margin = (stop - start) // 5
+        usual, count = 0.0, 0
+        for s in range(first, last):
+            for t in range(
+                max(stretches[s, 1], start + margin), min(stretches[s, 4], stop - margin)
+            ):
+                phase = _phase(stretches, s, t)
+                usual += _pinned_speed(soles, foot, t, start, stop, phase, fps)
+                count += 1
+        fastest = (leaves + 2.0 * usual / max(count, 1)) * apart / fps
+        longest = int(min(most, (stop - start) / 3.0))
+        while stop - apart > start and spans[k, 2] - stop < longest:
+            phase = _phase(stretches, last - 1, stop - 1)
+            if _way_between(soles, foot, stop - 1 - apart, stop - 1, phase) <= fastest:
+                break
+            stop -= 1
+        while start + apart < stop and start - spans[k, 1] < longest:
+            phase = _phase(stretches, first, start)
+            if _way_between(soles, foot, start, start + apart, phase) <= fastest:
+                break
+            start += 1
+        spans[k, 1], spans[k, 2] = start, stop
+        for s in range(first, last):
+            for c in range(1, 5):
+                stretches[s, c] = min(max(stretches[s, c], start), stop)
+        first = last
 
 
 @compiled

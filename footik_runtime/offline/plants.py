@@ -65,8 +65,8 @@ def find(
     change, starts, stops = still_ends(work, prints, heels, balls, keep)
     turns = _turns(heels, balls, normals)
     plants = []
-    for k, flat, roll, start, stop in zip(
-        prints.contact, prints.flat, prints.roll, prints.start, prints.stop, strict=True
+    for k, start, flat, roll, stop in zip(
+        prints.contact, prints.start, prints.flat, prints.roll, prints.stop, strict=True
     ):
         low, high = max(int(start), int(starts[k])), min(int(stop), int(stops[k]))
         if low >= high:
