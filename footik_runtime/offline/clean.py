@@ -7,7 +7,6 @@ copy that is levelled, travelling and padded; the clip gets only what differs ba
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -71,7 +70,7 @@ def clean(
         rig=work.rig,
         contacts=_cropped(contacts, work),
         plants=_within(found, work),
-        phases=unpad(work, _phases(contacts, found)),
+        phases=unpad(work, plants.phases_of(found, contacts.foot.shape)),
         root_moves=moves,
         report=_report(work, contacts, found, moves, reached | ~paths.pinned),
     )
@@ -143,7 +142,7 @@ def _cropped(contacts: Contacts, work: Working) -> Contacts:
     )
 
 
-def _within(found: Sequence[Plant], work: Working) -> tuple[Plant, ...]:
+def _within(found: tuple[Plant, ...], work: Working) -> tuple[Plant, ...]:
     """The plants that touch the clip's own frames, counted in them."""
     inside = []
     for plant in found:
@@ -155,20 +154,10 @@ def _within(found: Sequence[Plant], work: Working) -> tuple[Plant, ...]:
     return tuple(inside)
 
 
-def _phases(contacts: Contacts, found: Sequence[Plant]) -> NDArray[np.int8]:
-    """(N, F) `Phase` as the plants hold the feet."""
-    phases = contacts.phases()
-    for plant in found:
-        phases[plant.start : plant.flat, plant.foot] = 1
-        phases[plant.flat : plant.roll, plant.foot] = 2
-        phases[plant.roll : plant.stop, plant.foot] = 3
-    return phases
-
-
 def _report(
     work: Working,
     contacts: Contacts,
-    found: Sequence[Plant],
+    found: tuple[Plant, ...],
     moves: Array,
     reached: NDArray[np.bool_],
 ) -> dict[str, Any]:
