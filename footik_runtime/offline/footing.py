@@ -27,11 +27,15 @@ from footik_runtime.math3d import (
     unit,
 )
 from footik_runtime.offline.stages import CleanSettings, FootPaths, Plant, Working
+from footik_runtime.sole import BALL
 
 Array = NDArray[np.float64]
 
 _FADE = 0.12  # s, at most, over which a foot turns back to its own pitch after lying flat
 _NOTHING = 1e-9  # m and rad: smaller offsets are none
+# Of a body whose legs are 0.85 m long.
+_PEELS = 0.008  # m over the height it was held at from which a ball leaves the ground as it did
+_TOUCHES = 0.002  # m: toes are this near the ground while the ball peels off it
 
 
 def poses(work: Working, plants: tuple[Plant, ...], settings: CleanSettings) -> FootPaths:
@@ -60,15 +64,15 @@ def poses(work: Working, plants: tuple[Plant, ...], settings: CleanSettings) -> 
                 for leg in legs
             ]),
             np.array([(leg.sole.frame, leg.sole.toe_frame) for leg in legs]),
-            fade, work.positions, work.rotations, moves, turns, toe_turns,
+            fade, work.scale, work.positions, work.rotations, work.soles, moves, turns, toe_turns,
         )  # fmt: skip
     return FootPaths(moves=moves, turns=turns, toe_turns=toe_turns, pinned=pinned)
 
 
 @compiled
 def _pose_plants(
-    spans, places, holds, joints, lengths, frames, fade,
-    positions, rotations, moves, turns, toe_turns,
+    spans, places, holds, joints, lengths, frames, fade, size,
+    positions, rotations, soles, moves, turns, toe_turns,
 ):  # fmt: skip
     """Write the offsets of all plants: spans (S, 5) foot, start, flat, roll, stop."""
     for s in range(spans.shape[0]):
@@ -80,6 +84,7 @@ def _pose_plants(
         back, front, height = lengths[foot, 0], lengths[foot, 1], lengths[foot, 2]
         under_heel, under_ball = (-back, 0.0, -height), (front, 0.0, -height)
         before, after = _flat_before(spans, s), _flat_after(spans, s)
+        lowest_ball = np.inf
         for t in range(start, stop):
             given = quat_mul(get4(rotations[t, ankle]), frame)
             if flat <= t < roll:
@@ -95,7 +100,10 @@ def _pose_plants(
             if t < roll:
                 goal = sub(heel, rotate(wanted, under_heel))
             else:
-                goal = sub(ball, rotate(wanted, under_ball))
+                over = dot(sub(get3(soles[t, foot, BALL]), ball), normal)
+                lowest_ball = min(lowest_ball, over)
+                peeled = _peeled(over - max(lowest_ball, 0.0), _PEELS * size)
+                goal = sub(add_scaled(ball, normal, peeled), rotate(wanted, under_ball))
             set3(moves[t, foot], _or_nothing(sub(goal, get3(positions[t, ankle]))))
             turn = _or_nothing(quat_to_rotvec(quat_mul(wanted, quat_conj(given))))
             set3(turns[t, foot], turn)
@@ -104,7 +112,8 @@ def _pose_plants(
                 toes = quat_mul(get4(rotations[t, toe]), get4(frames[foot, 1]))
                 pointing = rotate(toes, (1.0, 0.0, 0.0))
                 lowest = -max(rise, 0.0) / lengths[foot, 3]
-                set3(toe_turns[t, foot], _toes_up(pointing, turn, normal, lowest))
+                highest = _highest(max(rise, 0.0), _TOUCHES * size) / lengths[foot, 3]
+                set3(toe_turns[t, foot], _toes_up(pointing, turn, normal, lowest, highest))
 
 
 @compiled
@@ -178,10 +187,26 @@ def _over_ground(wanted, normal, side):
 
 
 @compiled
-def _toes_up(pointing, turn, normal, lowest):
+def _peeled(rise, soft):
+    """How far a ball is let off the ground that rises so: not at first, then all but soft / 2."""
+    rise = max(rise, 0.0)
+    return 0.5 * rise * rise / soft if rise < soft else rise - 0.5 * soft
+
+
+@compiled
+def _highest(rise, touches):
+    """How far over their ball toes may point, m, that is `rise` off the ground: they stay on it.
+
+    Toes of a ball on the ground may point up; their way down is over before it is off by `touches`.
+    """
+    return touches - rise + 20.0 * touches * (1.0 - smooth_step(rise / touches))
+
+
+@compiled
+def _toes_up(pointing, turn, normal, lowest, highest):
     """The toes' own turn after the foot's: as steep over the ground as before, and not under it."""
     carried = unit(rotate(quat_from_rotvec(turn), pointing), (1.0, 0.0, 0.0))
-    wanted = clamp(max(dot(pointing, normal), lowest), -1.0, 1.0)
+    wanted = clamp(max(min(dot(pointing, normal), highest), lowest), -1.0, 1.0)
     now = clamp(dot(carried, normal), -1.0, 1.0)
     return _or_nothing(_raised(carried, normal, np.arcsin(wanted) - np.arcsin(now)))
 
