@@ -24,7 +24,9 @@ _WINDOW = 0.08  # s within which a phase's ends are looked for
 _SHORTEST_PHASE = 0.05  # s: a foot that rocks back for less does not
 _PER_FRAME = 1e-4  # m of the pinned point's way that moving an end by a frame must save
 _STANDS = 0.02  # m/s: a point this slow stands, however still the others are
-_LEAVES = 0.15  # m/s, over twice what it does in mid-contact: a point this fast is not held
+_LEAVES = 0.12  # m/s, over and above what it does in mid-contact: a point this fast is not held
+_PER_USUAL = 1.5
+_ROLLED = math.radians(2.5)  # pitch, off that of the flat foot, from which it turns over an end
 _BETWEEN = 1.0 / 60.0  # s over which that speed is told
 _MOST_TRIMMED = 0.10  # s, and a third of the contact, off either end of it
 _MOSTLY = 0.6  # of a contact's frames: a foot still in so many stands quite still
@@ -161,7 +163,31 @@ def _refine(soles, spans, stretches, window, per_frame):
         if roll < stop or stop == spans[k, 2]:
             low, high = max(flat + 1, roll - window), min(stop, roll + window)
             roll = _least(soles, foot, low, roll, high, BALL_POINT, per_frame)
-        stretches[s, 2], stretches[s, 3] = flat, roll
+        stretches[s, 2], stretches[s, 3] = _while_level(soles, foot, flat, roll)
+
+
+@compiled
+def _pitch(soles, foot, t):
+    """How far the nose of a sole points up, rad."""
+    along = sub(get3(soles[t, foot, BALL_POINT]), get3(soles[t, foot, HEEL_POINT]))
+    return math.atan2(along[2], math.hypot(along[0], along[1]))
+
+
+@compiled
+def _while_level(soles, foot, flat, roll):
+    """Of flat frames, those between a nose that comes down and a heel that goes up.
+
+    A heel leaves the ground long before it is fast: then the foot would be turned back a lot.
+    """
+    third = (roll - flat) // 3
+    usual = 0.0
+    for t in range(flat + third, roll - third):
+        usual += _pitch(soles, foot, t) / (roll - flat - 2 * third)
+    while flat + 1 < roll and _pitch(soles, foot, flat) - usual > _ROLLED:
+        flat += 1
+    while flat + 1 < roll and _pitch(soles, foot, roll - 1) - usual < -_ROLLED:
+        roll -= 1
+    return flat, roll
 
 
 @compiled
@@ -241,7 +267,7 @@ def _release(soles, spans, stretches, fps, apart, leaves, most):
                 phase = _phase(stretches, s, t)
                 usual += _pinned_speed(soles, foot, t, start, stop, phase, fps)
                 count += 1
-        fastest = (leaves + 2.0 * usual / max(count, 1)) * apart / fps
+        fastest = (leaves + _PER_USUAL * usual / max(count, 1)) * apart / fps
         longest = int(min(most, (stop - start) / 3.0))
         while stop - apart > start and spans[k, 2] - stop < longest:
             phase = _phase(stretches, last - 1, stop - 1)

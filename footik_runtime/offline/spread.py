@@ -53,11 +53,7 @@ def spread(
         if values.any():
             _fade(values, paths.pinned, ease)
     faded = replace(paths, moves=out[0], turns=out[1], toe_turns=out[2])
-    lift = _lifts(faded, work, plants, ground)
-    if lift is None:
-        return faded
-    out[0][..., 2] += lift
-    return faded
+    return _clear(faded, work, plants, ground)
 
 
 def moved_soles(work: Working, paths: FootPaths) -> Array:
@@ -95,32 +91,56 @@ def heights_under(
     return heights
 
 
-def _lifts(
+def _clear(
     paths: FootPaths, work: Working, plants: tuple[Plant, ...], ground: Ground | None
-) -> Array | None:
-    """(N, F) how far each foot is lifted, m; None where none is."""
-    if not plants or paths.pinned.all():
-        return None
-    soles = moved_soles(work, paths)
-    now = (heights_under(soles, plants, ground) - soles[..., 2]).max(axis=-1)
-    least = _DEEPER * work.scale
+) -> FootPaths:
+    """The same with swinging feet lifted, and toes bent, out of the ground."""
     swing = ~paths.pinned
-    if not (now[swing] > least).any():
-        return None
-    was = (heights_under(work.soles, plants, ground) - work.soles[..., 2]).max(axis=-1)
+    if not plants or not swing.any():
+        return paths
+    soles = moved_soles(work, paths)
+    depths = heights_under(soles, plants, ground) - soles[..., 2]
+    least = _DEEPER * work.scale
+    if not (depths[swing] > least).any():
+        return paths
+    was = heights_under(work.soles, plants, ground) - work.soles[..., 2]
     allowed = np.minimum(np.maximum(was, 0.0) + least, _DEEPEST * work.scale)
-    need = np.where(swing, np.maximum(now - allowed, 0.0), 0.0)
-    if not need.any():
-        return None
-    frames = max(1, math.ceil(_LIFT * work.clip.fps))
+    need = np.where(swing[..., None], np.maximum(depths - allowed, 0.0), 0.0)
+    bends = np.array([leg.toe >= 0 and leg.sole.tip > leg.sole.ball for leg in work.rig.legs])
+    stiff = np.where(bends[:, None], need[..., :TIP].max(axis=-1)[..., None], need).max(axis=-1)
+    lift = _smooth_lift(stiff, swing, max(1, math.ceil(_LIFT * work.clip.fps)))
+    toe_turns = paths.toe_turns.copy()
+    for foot in np.flatnonzero(bends):
+        deep = np.flatnonzero(need[:, foot, TIP] > lift[:, foot])
+        if len(deep):
+            more = need[deep, foot, TIP] - lift[deep, foot]
+            toe_turns[deep, foot] = _bent_up(toe_turns[deep, foot], soles[deep, foot], more)
+    moves = paths.moves.copy()
+    moves[..., 2] += lift
+    return replace(paths, moves=moves, toe_turns=toe_turns)
+
+
+def _smooth_lift(need: Array, swing: Bools, frames: int) -> Array:
+    """(N, F) a smooth lift no less than needed in swing, and none in plants, m."""
     lift = np.zeros_like(need)
     for foot in np.flatnonzero(need.any(axis=0)):
         smooth = filters.envelope(need[:, foot], frames)
-        away = _frames_to(paths.pinned[:, foot])
+        away = _frames_to(~swing[:, foot])
         share = np.clip(away / (2.0 * frames), 0.0, 1.0)
         smooth = smooth * share * share * (3.0 - 2.0 * share)
         lift[:, foot] = np.where(swing[:, foot], np.maximum(smooth, need[:, foot]), 0.0)
     return lift
+
+
+def _bent_up(turns: Array, soles: Array, more: Array) -> Array:
+    """Toe turns (K, 3) that raise the tip of soles (K, 3, 3) by (K,) more, m."""
+    along = soles[:, TIP] - soles[:, BALL]
+    length = np.linalg.norm(along, axis=-1)
+    now = np.clip(along[:, 2] / length, -1.0, 1.0)
+    then = np.clip(now + more / length, -1.0, 1.0)
+    axis = quat_arrays.unit(np.cross(along, [0.0, 0.0, 1.0]))
+    bend = quat_arrays.from_rotvec(axis * (np.arcsin(then) - np.arcsin(now))[:, None])
+    return quat_arrays.to_rotvec(quat_arrays.mul(bend, quat_arrays.from_rotvec(turns)))
 
 
 def _frames_to(marked: Bools) -> Array:
