@@ -112,7 +112,9 @@ def _pose_plants(
                 toes = quat_mul(get4(rotations[t, toe]), get4(frames[foot, 1]))
                 pointing = rotate(toes, (1.0, 0.0, 0.0))
                 lowest = -max(rise, 0.0) / lengths[foot, 3]
-                highest = _highest(max(rise, 0.0), _TOUCHES * size) / lengths[foot, 3]
+                highest = np.inf
+                if t >= roll:
+                    highest = _highest(max(rise, 0.0), _TOUCHES * size) / lengths[foot, 3]
                 set3(toe_turns[t, foot], _toes_up(pointing, turn, normal, lowest, highest))
 
 
