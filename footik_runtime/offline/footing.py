@@ -102,7 +102,7 @@ def _pose_plants(
             else:
                 over = dot(sub(get3(soles[t, foot, BALL]), ball), normal)
                 lowest_ball = min(lowest_ball, over)
-                peeled = _peeled(over - max(lowest_ball, 0.0), _PEELS * size)
+                peeled = _peeled(over - lowest_ball, _PEELS * size)
                 goal = sub(add_scaled(ball, normal, peeled), rotate(wanted, under_ball))
             set3(moves[t, foot], _or_nothing(sub(goal, get3(positions[t, ankle]))))
             turn = _or_nothing(quat_to_rotvec(quat_mul(wanted, quat_conj(given))))
