@@ -25,7 +25,8 @@ _SHORTEST_PHASE = 0.05  # s: a foot that rocks back for less does not
 _PER_FRAME = 1e-4  # m of the pinned point's way that moving an end by a frame must save
 _STANDS = 0.02  # m/s: a point this slow stands, however still the others are
 _LEAVES = 0.12  # m/s, over and above what it does in mid-contact: a point this fast is not held
-_PER_USUAL = 1.5
+_PER_USUAL = 1.0
+_LIFTED = 0.005  # m over where it is in mid-contact: a point this high is not held
 _ROLLED = math.radians(2.5)  # pitch, off that of the flat foot, from which it turns over an end
 _BETWEEN = 1.0 / 60.0  # s over which that speed is told
 _MOST_TRIMMED = 0.10  # s, and a third of the contact, off either end of it
@@ -70,7 +71,10 @@ def footprints(work: Working, contacts: Contacts, spans: Ints) -> Footprints:
     _refine(work.soles, spans, stretches, window, _PER_FRAME * work.scale)
     spans = spans.copy()
     apart = max(1, round(_BETWEEN * fps))
-    _release(work.soles, spans, stretches, fps, apart, _LEAVES * work.scale, _MOST_TRIMMED * fps)
+    _release(
+        work.soles, spans, stretches, fps, apart,
+        _LEAVES * work.scale, _LIFTED * work.scale, _MOST_TRIMMED * fps,
+    )  # fmt: skip
     soles = np.array([(leg.sole.heel, leg.sole.ball) for leg in work.rig.legs])
     places, directions = np.empty((len(spans), 3)), np.empty((len(spans), 3))
     has_flat, wobble = np.zeros(len(spans), dtype=np.bool_), np.empty(len(spans))
@@ -247,7 +251,16 @@ def _way_between(soles, foot, a, b, phase):
 
 
 @compiled
-def _release(soles, spans, stretches, fps, apart, leaves, most):
+def _pinned_height(soles, foot, t, phase):
+    """Height of what is pinned at frame t, m."""
+    heel, ball = soles[t, foot, HEEL_POINT, 2], soles[t, foot, BALL_POINT, 2]
+    if phase == FLAT:
+        return 0.5 * (heel + ball)
+    return heel if phase == HEEL else ball
+
+
+@compiled
+def _release(soles, spans, stretches, fps, apart, leaves, lifted, most):
     """Take off each contact's ends what still comes down, or already leaves.
 
     A foot that bears weight may move faster than one that can be held: its ball rolls off the tip.
@@ -259,24 +272,28 @@ def _release(soles, spans, stretches, fps, apart, leaves, most):
         while last < stretches.shape[0] and stretches[last, 0] == k:
             last += 1
         margin = (stop - start) // 5
-        usual, count = 0.0, 0
+        usual, level, count = 0.0, 0.0, 0
         for s in range(first, last):
             for t in range(
                 max(stretches[s, 1], start + margin), min(stretches[s, 4], stop - margin)
             ):
                 phase = _phase(stretches, s, t)
                 usual += _pinned_speed(soles, foot, t, start, stop, phase, fps)
+                level += _pinned_height(soles, foot, t, phase)
                 count += 1
+        highest = level / max(count, 1) + lifted if count else np.inf
         fastest = (leaves + _PER_USUAL * usual / max(count, 1)) * apart / fps
         longest = int(min(most, (stop - start) / 3.0))
         while stop - apart > start and spans[k, 2] - stop < longest:
             phase = _phase(stretches, last - 1, stop - 1)
-            if _way_between(soles, foot, stop - 1 - apart, stop - 1, phase) <= fastest:
+            way = _way_between(soles, foot, stop - 1 - apart, stop - 1, phase)
+            if way <= fastest and _pinned_height(soles, foot, stop - 1, phase) <= highest:
                 break
             stop -= 1
         while start + apart < stop and start - spans[k, 1] < longest:
             phase = _phase(stretches, first, start)
-            if _way_between(soles, foot, start, start + apart, phase) <= fastest:
+            way = _way_between(soles, foot, start, start + apart, phase)
+            if way <= fastest and _pinned_height(soles, foot, start, phase) <= highest:
                 break
             start += 1
         spans[k, 1], spans[k, 2] = start, stop
