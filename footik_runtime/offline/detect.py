@@ -26,7 +26,7 @@ from footik_runtime.offline.filters import (
     runs,
     sliding_mean,
 )
-from footik_runtime.offline.stages import Contacts, ContactSettings, Working
+from footik_runtime.offline.stages import CleanSettings, Contacts, ContactSettings, Working
 from footik_runtime.phases import Phase, phase_curve
 
 Array = NDArray[np.float64]
@@ -103,15 +103,14 @@ def contacts(
     )
 
 
-def of_clip(work: Working, settings: ContactSettings, *, redetect: bool = False) -> Contacts:
-    """Contacts of a working clip: from its phase curves, or from its soles' motion and pitch.
-
-    `redetect` ignores the curves.
-    """
+def of_clip(work: Working, settings: CleanSettings) -> Contacts:
+    """Contacts of a working clip: from its phase curves, or from its soles' motion and pitch."""
     names = [phase_curve(leg.name) for leg in work.rig.legs]
-    if not redetect and all(name in work.clip.curves for name in names):
+    if not settings.redetect and all(name in work.clip.curves for name in names):
         return _told(work, names)
-    found = contacts(work.soles[:, :, :2], work.clip.fps, scale=work.scale, settings=settings)
+    found = contacts(
+        work.soles[:, :, :2], work.clip.fps, scale=work.scale, settings=settings.contact
+    )
     _roll(found.down, _pitch(work))
     return found
 

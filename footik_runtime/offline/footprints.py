@@ -103,9 +103,7 @@ def still_ends(
         [prints.contact, prints.start, prints.flat, prints.roll, prints.stop], axis=1
     )
     most = math.ceil(_MOST_TRIMMED * prints.fps)
-    _trim(
-        work.soles, prints.spans, stretches, heels, balls, keep, most, change, starts, stops
-    )
+    _trim(work.soles, prints.spans, stretches, heels, balls, keep, most, change, starts, stops)
     return change, starts, stops
 
 

@@ -52,7 +52,9 @@ class Truth:
     phases: Ints
     soles: Array
     height: Callable[[Array], Array]
-    normal: Callable[[Array], Array] = field(default=lambda p: np.tile([0.0, 0.0, 1.0], (len(p), 1)))
+    normal: Callable[[Array], Array] = field(
+        default=lambda p: np.tile([0.0, 0.0, 1.0], (len(p), 1))
+    )
 
     def places(self, foot: int) -> list[tuple[int, int, Array]]:
         """(start, stop, place (3,)) of each contact: the middle of heel and ball while flat."""

@@ -263,7 +263,9 @@ def _padded(
         turn = quat_arrays.about(_UP, yaw)
         positions = _around_points(positions, turn, step, pad)
         soles = _around_points(soles, turn, step, pad)
-        rotations = _around(rotations, pad, lambda q: _turned(turn, q), lambda q: _unturned(turn, q))
+        rotations = _around(
+            rotations, pad, lambda q: _turned(turn, q), lambda q: _unturned(turn, q)
+        )
         shift = _around(shift, pad, lambda s: s, lambda s: s)
         clip = _around_clip(clip, turn, step, pad)
     return Working(
