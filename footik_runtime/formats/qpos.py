@@ -21,6 +21,7 @@ from footik_runtime import quat_arrays as qa
 from footik_runtime.clip import Clip
 from footik_runtime.errors import FootIKError, listed
 from footik_runtime.formats.euler import euler_to_quaternions, quaternions_to_euler
+from footik_runtime.formats.qpos_rates import rate_of
 from footik_runtime.formats.qpos_tables import (
     Table,
     read_table,
@@ -37,9 +38,6 @@ Array = NDArray[np.float64]
 SOURCE = "qpos"
 """The entry of a clip's extras that holds the `QposSource` it came from."""
 
-_RATES = (24.0, 25.0, 30.0, 50.0, 60.0, 100.0, 120.0, 125.0, 200.0, 240.0, 250.0, 500.0, 1000.0)
-_NEAR_RATE = 0.03  # share by which a rate told from velocities may be off
-_RATE_KEYS = ("fps", "frequency", "framerate", "frame_rate", "mocap_framerate", "dt", "timestep")
 _ROOT_PLACE = ("tx", "ty", "tz")
 _ROOT_TURN = {"list": 0, "tilt": 1, "rotation": 2}  # part of a root -> axis
 
@@ -96,7 +94,7 @@ def read_qpos(
     bad = np.argwhere(~np.isfinite(source.qpos))
     if len(bad):
         raise FootIKError(f"{path}: the joint values are not finite at frame {bad[0][0]}.")
-    rate, note = _rate(table, source, fps, path)
+    rate, note = (fps, ()) if fps is not None else rate_of(table, source.columns, path)
     roots, rotations, moves = locals_of(tree, source.qpos)
     clip = Clip(
         skeleton=tree.skeleton,
@@ -238,54 +236,6 @@ def _root_names(prefix: str | None) -> set[str]:
     if prefix is None:
         return set()
     return {f"{prefix}_{part}" for part in (*_ROOT_PLACE, *_ROOT_TURN)}
-
-
-# --- rates --------------------------------------------------------------------------------------
-
-
-def _rate(
-    table: Table, source: QposSource, fps: float | None, path: str | os.PathLike[str]
-) -> tuple[float, tuple[str, ...]]:
-    if fps is not None:
-        return fps, ()
-    for key in () if table.is_csv else _RATE_KEYS:
-        value = table.arrays.get(key)
-        if value is not None and value.size == 1 and value.dtype.kind in "fiu":
-            number = float(value.reshape(-1)[0])
-            if np.isfinite(number) and number > 0.0:
-                return (1.0 / number if key in ("dt", "timestep") else number), ()
-    column = time_column(table)
-    if column is not None and len(table.arrays[column]) > 1:
-        step = float(np.median(np.diff(table.arrays[column])))
-        if step > 0.0:
-            return _snapped(1.0 / step, 1e-3), ()
-    told = _rate_of_velocities(table, source)
-    if told is None:
-        raise FootIKError(f"{path}: does not tell its frame rate; give fps.")
-    return told, (f"{told:g} fps, told from the velocities in the file",)
-
-
-def _rate_of_velocities(table: Table, source: QposSource) -> float | None:
-    """The rate at which the differences of values are the mean velocities between them."""
-    steps, speeds = [], []
-    for name in source.columns:
-        velocity = table.arrays.get(f"d{name}")
-        if velocity is not None and velocity.shape == table.arrays[name].shape:
-            steps.append(np.diff(table.arrays[name]))
-            speeds.append(0.5 * (velocity[1:] + velocity[:-1]))
-    if not steps:
-        return None
-    step, speed = np.concatenate(steps), np.concatenate(speeds)
-    # Small steps are rounding and turning points; the median leaves out jumps between takes.
-    large = (np.abs(step) > np.median(np.abs(step))) & (step * speed > 0.0)
-    return (
-        _snapped(float(np.median(speed[large] / step[large])), _NEAR_RATE) if large.any() else None
-    )
-
-
-def _snapped(rate: float, near: float) -> float:
-    best = min(_RATES, key=lambda known: abs(known - rate) / known)
-    return best if abs(best - rate) <= near * best else rate
 
 
 # --- writing ------------------------------------------------------------------------------------

@@ -33,8 +33,9 @@ WIDTHS = {FREE: 7, BALL: 4, SLIDE: 1, HINGE: 1}
 class ModelJoint:
     """One joint of a model.
 
-    column: its first number's place in qpos; speed_column: in qvel. axis, anchor: (3,) in its body's frame. low, high: rad
-    or m, infinite where it has no limits. zero: the value at which the body is as the model says.
+    column: its first number's place in qpos; speed_column: in qvel. axis, anchor: (3,) in its
+    body's frame. low, high: rad or m, infinite where it has no limits. zero: the value at which the
+    body is as the model says.
     """
 
     name: str

@@ -259,15 +259,11 @@ def clean(clip: Clip, rig: Rig | None = None, options: FootPlantOptions | None =
         fps=clip.fps,
         options=options,
     )
-    stretched = result.local_positions[:, 1:]
-    unchanged = np.array_equal(stretched, moves[:, 1:])
-    translations = local.copy()
-    translations[:, 1:] = stretched
-    cleaned = replace(
-        clip,
-        rotations=result.local_rotations,
-        translations=clip.translations if unchanged else translations,
-    )
+    translations = clip.translations
+    if not np.array_equal(result.local_positions[:, 1:], moves[:, 1:]):
+        translations = result.local_positions.copy()
+        translations[:, 0] = local[:, 0]
+    cleaned = replace(clip, rotations=result.local_rotations, translations=translations)
     contacts = _contacts(clip, rig, result)
     return Cleaned(
         clip=cleaned,
