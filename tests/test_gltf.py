@@ -443,6 +443,31 @@ def test_a_sampler_of_two_channels_is_not_shared_afterwards(tmp_path: Path):
     np.testing.assert_allclose(again.rotations[:, 2], moved(clip, 2).rotations[:, 2], atol=1e-7)
 
 
+def test_what_is_added_lies_on_multiples_of_four_bytes(tmp_path: Path):
+    document = walker()
+    document.view(b"odd")
+    path = document.glb(tmp_path / "clip.glb")
+    write_gltf(moved(read_gltf(path), 2), path)
+    gltf = read_container(path)
+    views = gltf.items("bufferViews")
+    assert all(view["byteOffset"] % 4 == 0 for view in views)
+    assert bytes(gltf.buffer(0)[views[4]["byteOffset"] :][:3]) == b"odd"
+    last = views[-1]
+    assert last["byteOffset"] + last["byteLength"] == gltf.item("buffers", 0)["byteLength"]
+
+
+def test_changed_quaternions_keep_the_sign_that_the_file_has_there(tmp_path: Path):
+    document = Document(walker().json["nodes"], [0, 1, 2, 3])
+    signs = np.array([1, 1, -1, -1, -1])[:, None]  # a jump, which clips do not keep
+    document.animate((1, "rotation", np.arange(5) / 30, signs * [0, 0, 0, 1]))
+    path = document.glb(tmp_path / "clip.glb")
+    write_gltf(moved(read_gltf(path), 1), path)
+    gltf = read_container(path)
+    output = gltf.item("animations", 0)["samplers"][0]["output"]
+    written = gltf.accessor(output, ("VEC4",), "the test")
+    np.testing.assert_array_equal(np.sign(written[:, 3]), signs[:, 0])
+
+
 def test_values_beyond_float32_are_refused(tmp_path: Path):
     clip = read_gltf(walker().glb(tmp_path / "clip.glb"))
     with pytest.raises(FootIKError, match="float32"):
