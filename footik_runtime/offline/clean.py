@@ -72,6 +72,7 @@ def clean(
         plants=_within(found, work),
         phases=unpad(work, plants.phases_of(found, contacts.foot.shape)),
         root_moves=moves,
+        work=work,
         report=_report(work, contacts, found, moves, reached | ~paths.pinned),
     )
 
@@ -88,6 +89,7 @@ def _untouched(clip: Clip, work: Working, contacts: Contacts) -> Cleaned:
         plants=(),
         phases=contacts.phases(),
         root_moves=still,
+        work=work,
         report=report,
     )
 

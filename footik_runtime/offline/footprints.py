@@ -124,7 +124,7 @@ def _split(phases, spans, shortest, out):
                     end = t
                     while end < stop and phases[end, foot] < reached:
                         end += 1
-                    if end - t >= shortest or end == stop and end - t > t - start:
+                    if end - t >= shortest or (end == stop and end - t > t - start):
                         break
                     t = end
                     continue

@@ -219,6 +219,7 @@ class Working:
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Cleaned:
     """clip: the result. contacts, plants, phases: in its own frames. root_moves: (T, 3) m.
+    work: the clip as cleanup saw it, before it; None for the preset "footplant".
 
     report: what was found and done, of numbers, strings, lists and dicts alone.
     """
@@ -229,4 +230,5 @@ class Cleaned:
     plants: tuple[Plant, ...]
     phases: NDArray[np.int8]
     root_moves: Array
+    work: Working | None = None
     report: dict[str, Any] = field(default_factory=dict)

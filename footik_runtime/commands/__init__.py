@@ -1,0 +1,1 @@
+"""Commands: what `footik` does, a module each."""

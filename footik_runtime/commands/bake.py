@@ -1,0 +1,90 @@
+"""`footik bake`: contacts are found in clips and baked into them as IK-weight curves."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import tyro
+
+from footik_runtime.clip import Clip
+from footik_runtime.commands.files import Job, fail_if_any, jobs, load, work_through, write_json
+from footik_runtime.files import require_writable
+from footik_runtime.formats import save_clip
+from footik_runtime.formats.qpos import rig_of
+from footik_runtime.offline.bake import BAKE_NOTES
+from footik_runtime.offline.bake import bake as bake_clip
+from footik_runtime.offline.clean import clean
+from footik_runtime.offline.curve_exports import export_curves
+from footik_runtime.offline.stages import BakeSettings, CleanSettings
+from footik_runtime.rig import find_rig
+
+
+def bake(
+    clips: tyro.conf.Positional[tuple[Path, ...]],
+    out: Annotated[Path, tyro.conf.arg(aliases=["-o"], metavar="PATH")],
+    preset: str = "default",
+    ease_in: float = 0.1,
+    ease_out: float = 0.1,
+    replace: bool = False,
+    redetect: bool = False,
+    animation: str | None = None,
+    model: Annotated[Path | None, tyro.conf.arg(metavar="FILE.xml")] = None,
+    fps: float | None = None,
+    export: str | None = None,
+    json_file: Annotated[Path | None, tyro.conf.arg(name="json", metavar="FILE")] = None,
+) -> None:
+    """Find the contacts of clips and bake them into IK-weight curves; the motion stays as it is.
+
+    Args:
+        clips: motion files or folders: .bvh, .glb, .gltf, .npz (ours, AMASS or joint values), .csv.
+        out: a file for one clip, a folder for several. Inputs are never changed.
+        preset: default, or openkcc: OpenKCC's own baking.
+        ease_in: s over which a weight rises, about the strike.
+        ease_out: s over which it falls, about the release.
+        replace: replace curves of these names that the clip has.
+        redetect: find contacts anew, whatever the clip's curves say.
+        animation: name of the one of a .glb or .gltf; the first otherwise.
+        model: the MuJoCo model that joint values belong to.
+        fps: frames a second, where a file does not tell.
+        export: curves for an engine beside the result: unity, unity-meta, unreal or csv.
+        json_file: write the keys to this file, for machines.
+    """
+    settings = BakeSettings(
+        preset=preset,  # pyright: ignore[reportArgumentType]
+        ease_in=ease_in,
+        ease_out=ease_out,
+        replace=replace,
+    )
+    todo = jobs(clips, out)
+    if json_file is not None:
+        require_writable(json_file)
+
+    def one(job: Job) -> dict[str, Any]:
+        clip = load(job.source, animation=animation, model=model, fps=fps)
+        baked = _bake_one(clip, settings, redetect)
+        save_clip(baked, job.target)
+        if export is not None:
+            export_curves(job.target, baked, export)
+        keys = baked.extras["curve_keys"]
+        counts = {name: len(keys[name].times) for name in keys}
+        told = ", ".join(f"{name} {count} keys" for name, count in counts.items())
+        print(f"{job.source} -> {job.target}: {told or 'no curves'}")
+        notes = list(baked.extras.get(BAKE_NOTES, ()))
+        for note in notes:
+            print(f"  note: {note}")
+        return {"clip": clip.name, "keys": counts, "notes": notes}
+
+    entries = work_through("baking", todo, one)
+    if json_file is not None:
+        write_json(json_file, {"command": "bake", "preset": preset, "files": entries})
+    fail_if_any(entries)
+
+
+def _bake_one(clip: Clip, settings: BakeSettings, redetect: bool) -> Clip:
+    rig = rig_of(clip) or find_rig(clip.skeleton)
+    if settings.preset == "openkcc":
+        return bake_clip(clip, None, rig, settings)
+    how = CleanSettings(redetect=redetect)
+    found = clean(clip, rig, settings=how)
+    return bake_clip(clip, found.contacts, rig, settings)

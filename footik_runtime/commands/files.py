@@ -1,0 +1,120 @@
+"""Files of the commands: clips read, results written, and whole folders worked through."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from footik_runtime.clip import Clip
+from footik_runtime.errors import FootIKError
+from footik_runtime.files import require_writable, write_whole
+from footik_runtime.formats import SUFFIXES, load_clip
+from footik_runtime.progress import Progress
+
+_FRAME_RATES = (1.0, 10000.0)
+
+
+def load(path: Path, **how: Any) -> Clip:
+    """The clip of a file, as `load_clip`. Raises FootIKError for a rate that no motion has."""
+    clip = load_clip(path, **how)
+    slowest, fastest = _FRAME_RATES
+    if not slowest <= clip.fps <= fastest:
+        raise FootIKError(
+            f"{path}: a motion has {slowest:g} to {fastest:g} frames a second, not {clip.fps:g}: "
+            "is its frame time in seconds?"
+        )
+    return clip
+
+
+def write_json(path: Path, value: Mapping[str, Any]) -> None:
+    """Write what a command found, for machines."""
+    text = json.dumps(value, indent=2, allow_nan=False)
+    write_whole(path, (text + "\n").encode())
+
+
+@dataclass(frozen=True, kw_only=True)
+class Job:
+    """A clip's file, and where its result goes."""
+
+    source: Path
+    target: Path
+
+
+def jobs(sources: Sequence[Path], out: Path) -> list[Job]:
+    """What is to be done: one file to a file or into a folder, or whole folders, mirrored in `out`.
+
+    Raises FootIKError where a source is missing, nothing is found, or a result would replace one of
+    the sources.
+    """
+    several = len(sources) != 1 or sources[0].is_dir()
+    if several and out.suffix.lower() in SUFFIXES:
+        raise FootIKError(f"{out}: several clips need a folder to go to.")
+    into_folder = several or out.is_dir() or out.suffix.lower() not in SUFFIXES
+    found = [
+        Job(source=file, target=out / place if into_folder else out)
+        for source in sources
+        for file, place in _files(source)
+    ]
+    if not found:
+        raise FootIKError(
+            f"{', '.join(map(str, sources))}: there are no clips ({', '.join(SUFFIXES)}) there."
+        )
+    given = {job.source.resolve() for job in found}
+    for job in found:
+        same = job.target.exists() and any(job.target.samefile(source) for source in given)
+        if same or job.target.resolve() in given:
+            raise FootIKError(f"{job.target}: the result would replace an input; choose another.")
+    targets = [job.target for job in found]
+    twice = next((t for t in targets if targets.count(t) > 1), None)
+    if twice is not None:
+        raise FootIKError(f"{twice}: two inputs would go to the same file.")
+    return found
+
+
+def _files(source: Path) -> Iterable[tuple[Path, Path]]:
+    """Clips under a source, and where each belongs under the output's folder."""
+    if source.is_file():
+        yield source, Path(source.name)
+    elif source.is_dir():
+        for file in sorted(source.rglob("*")):
+            if file.suffix.lower() in SUFFIXES and file.is_file():
+                yield file, file.relative_to(source)
+    else:
+        raise FootIKError(f"{source}: there is no such file or folder.")
+
+
+def work_through(
+    what: str, todo: Sequence[Job], work: Callable[[Job], dict[str, Any]]
+) -> list[dict[str, Any]]:
+    """Do every job in turn, with progress; what fails is told at once and the rest goes on.
+
+    Returns an entry a file: "in", "out", "error" (None where all went well) and what `work` found.
+    """
+    progress, entries = Progress(what), []
+    for done, job in enumerate(todo):
+        progress(done, len(todo))
+        entry: dict[str, Any] = {"in": str(job.source), "out": str(job.target), "error": None}
+        try:
+            job.target.parent.mkdir(parents=True, exist_ok=True)
+            require_writable(job.target)
+            entry |= work(job)
+        except (FootIKError, OSError) as error:
+            entry["error"] = str(error)
+            progress.close()
+            print(f"footik: {error}", file=sys.stderr)
+        entries.append(entry)
+    progress.close()
+    return entries
+
+
+def fail_if_any(entries: Sequence[Mapping[str, Any]]) -> None:
+    """End with exit status 1 where a file failed: each was told of already."""
+    failed = sum(entry["error"] is not None for entry in entries)
+    if len(entries) > 1:
+        print(f"{len(entries) - failed} done, {failed} failed")
+    if failed:
+        sys.exit(1)

@@ -1,0 +1,105 @@
+"""Clips measured before and after cleanup, with the same contacts and the same ground."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from footik_runtime import quat_arrays
+from footik_runtime.clip import Clip
+from footik_runtime.metrics import score
+from footik_runtime.offline.stages import Cleaned
+from footik_runtime.offline.working import unpad
+from footik_runtime.phases import Phase
+from footik_runtime.recorded import Run
+from footik_runtime.rig import Rig
+from footik_runtime.sole import BALL, all_sole_points
+
+Array = NDArray[np.float64]
+
+BEFORE, AFTER = "before", "after"
+
+
+def runs(before: Clip, cleaned: Cleaned) -> dict[str, Run]:
+    """The clip before and after cleanup as runs on the ground that was found, levelled."""
+    ground = ground_of(cleaned)
+    clips = {BEFORE: before, AFTER: cleaned.clip}
+    return {
+        name: run_of(as_worked(clip, cleaned), cleaned.rig, cleaned.phases, ground)
+        for name, clip in clips.items()
+    }
+
+
+def compare(before: Clip, cleaned: Cleaned) -> dict[str, dict[str, float]]:
+    """Every measure that applies, before and after; what compares, compares with before."""
+    made = runs(before, cleaned)
+    return {name: score(run, made[BEFORE]) for name, run in made.items()}
+
+
+def as_worked(clip: Clip, cleaned: Cleaned) -> Clip:
+    """A clip as cleanup saw it: level, off its belt, on its floor."""
+    work = cleaned.work
+    if work is None:
+        return clip
+    upright = quat_arrays.conj(work.back)
+    rotations = clip.rotations.copy()
+    rotations[:, 0] = quat_arrays.mul(upright, rotations[:, 0])
+    roots = quat_arrays.rotate(upright, clip.root_positions) + unpad(work, work.shift)
+    return replace(clip, root_positions=roots, rotations=rotations)
+
+
+def ground_of(cleaned: Cleaned) -> Array:
+    """(T, F, 3) height under heel, ball and tip: of the plant that holds a frame, or the nearest."""
+    frames, feet = cleaned.phases.shape
+    height = np.concatenate(
+        [cleaned.contacts.ground, cleaned.contacts.ground[..., 1:]], axis=-1
+    ).copy()
+    for plant in cleaned.plants:
+        held = plant.heel[2], plant.ball[2], plant.ball[2]
+        height[plant.start : plant.stop, plant.foot] = held
+    for foot in range(feet):
+        known = np.flatnonzero(cleaned.phases[:, foot] != Phase.SWING)
+        if len(known):
+            after = np.clip(np.searchsorted(known, np.arange(frames)), 0, len(known) - 1)
+            before = np.maximum(after - 1, 0)
+            near = np.arange(frames) - known[before] < known[after] - np.arange(frames)
+            height[:, foot] = height[np.where(near, known[before], known[after]), foot]
+    return height
+
+
+def run_of(clip: Clip, rig: Rig, phases: NDArray, ground: Array) -> Run:
+    """A clip as a `Run`, with phases (T, F) and ground under heel, ball and tip (T, F, 3)."""
+    positions, turns = clip.model_pose()
+    soles = all_sole_points(rig, positions, turns)
+    has_toes = all(leg.toe >= 0 for leg in rig.legs)
+    parts = ("hip", "knee", "ankle", "toe") if has_toes else ("hip", "knee", "ankle")
+    chains = np.array([[getattr(leg, part) for part in parts] for leg in rig.legs])
+    return Run(
+        fps=clip.fps,
+        times=clip.times,
+        hips=positions[:, rig.hips],
+        leg_rotations=clip.rotations[:, chains],
+        ankle=positions[:, chains[:, 2]],
+        toe=positions[:, chains[:, 3]] if has_toes else soles[:, :, BALL],
+        sole=soles,
+        ground=ground,
+        phase=phases.astype(np.int64),
+        joints=positions,
+        stretch=_stretch(clip, positions, chains),
+    )
+
+
+def _stretch(clip: Clip, positions: Array, chains: NDArray) -> Array | None:
+    """(T, F) by how much the longest-drawn segment of each leg exceeds its rest length."""
+    if clip.translations is None:
+        return None
+    rest, _ = clip.skeleton.rest_pose()
+    longest = np.zeros((len(clip), len(chains)))
+    for upper, lower in ((0, 1), (1, 2)):
+        a, b = chains[:, upper], chains[:, lower]
+        length = np.linalg.norm(positions[:, b] - positions[:, a], axis=-1)
+        usual = np.maximum(np.linalg.norm(rest[b] - rest[a], axis=-1), 1e-9)
+        longest = np.maximum(longest, length / usual - 1.0)
+    return longest
