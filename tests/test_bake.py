@@ -124,7 +124,7 @@ def test_ramps_share_a_short_swing_and_still_reach_zero():
 def test_a_part_of_a_curve_is_the_same_curve(knots, start, stop, interpolation):
     values, slopes = np.round(np.array(knots).T)  # so that some are alike
     keys = Keys(
-        times=np.arange(len(knots)) * 1.0,
+        times=np.arange(len(knots), dtype=np.float64),
         values=values,
         slopes=slopes,
         interpolation=interpolation,
