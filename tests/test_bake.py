@@ -117,14 +117,20 @@ def test_ramps_share_a_short_swing_and_still_reach_zero():
 
 @given(
     st.lists(st.tuples(st.floats(-2, 2), st.floats(-5, 5)), min_size=1, max_size=8),
-    st.floats(0.0, 0.45),
-    st.floats(0.5, 1.0),
+    st.integers(-2, 3) | st.floats(-0.5, 3.0),
+    st.integers(4, 10) | st.floats(3.5, 10.0),
+    st.sampled_from(["smooth", "linear", "step"]),
 )
-def test_a_part_of_a_curve_is_the_same_curve(knots, start, stop):
-    values, slopes = np.array(knots).T
-    keys = Keys(times=np.arange(len(knots)) / 7.0, values=values, slopes=slopes)
+def test_a_part_of_a_curve_is_the_same_curve(knots, start, stop, interpolation):
+    values, slopes = np.round(np.array(knots).T)  # so that some are alike
+    keys = Keys(
+        times=np.arange(len(knots), dtype=np.float64),
+        values=values,
+        slopes=slopes,
+        interpolation=interpolation,
+    )
     part = keys.part(start, stop)
-    times = np.linspace(start, stop, 50)
+    times = np.linspace(start, stop, 67)[:-1]
     np.testing.assert_allclose(sample(part, times - start), sample(keys, times), atol=1e-9)
 
 
@@ -209,6 +215,15 @@ def test_a_foot_that_always_or_never_stands_has_one_key(rig):
     assert {len(keys) for keys in made.values()} == {1}
     assert made[weight_curve("left")].values[0] == 1.0
     assert made[weight_curve("right")].values[0] == 0.0
+
+
+def test_a_loops_last_frame_has_the_curves_of_its_first(rig):
+    contacts = rolling(rig)
+    down = contacts.down.copy()
+    down[-1] = ~down[0]
+    clip = bake(still(rig, 60, loop=True), replace(contacts, down=down), rig)
+    for name, values in clip.curves.items():
+        assert values[-1] == pytest.approx(values[0], abs=1e-12), name
 
 
 @pytest.mark.parametrize("frames", [1, 2, 3])

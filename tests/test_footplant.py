@@ -78,6 +78,19 @@ def test_a_plant_is_entered_low_and_slow_and_lasts_until_1_5_times_that():
     assert detect(sliding(np.zeros(12), np.full(13, 4.1)), 0.2, FPS, UP) == [(0, 12)]
 
 
+@pytest.mark.parametrize(("speed", "stays"), [(11.9, True), (12.1, False)])
+def test_a_plant_ends_at_1_5_times_the_speed(speed, stays):
+    found = detect(sliding([2.0] * 6 + [speed] * 6), 0.0, FPS, UP)
+    assert found == [(0, 12 if stays else 6)]
+
+
+@pytest.mark.parametrize(("height", "stays"), [(5.9, True), (6.1, False)])
+def test_a_plant_ends_at_1_5_times_the_height(height, stays):
+    heights = np.concatenate([np.zeros(6), np.full(6, height)])
+    found = detect(sliding(np.zeros(11), heights), 0.0, 0.1, UP)
+    assert found == [(0, 11 if stays else 5)]
+
+
 def test_what_only_stays_before_any_entry_is_no_plant():
     speeds = np.array([11.0] * 5 + [20.0] * 3)
     assert detect(sliding(speeds), 0.0, FPS, UP) == []

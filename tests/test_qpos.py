@@ -201,6 +201,21 @@ def test_six_hinges_reach_what_six_hinges_made(start, target):
     assert solved.turned_off[0] < 1e-5
 
 
+def test_hinges_stop_at_their_limits_but_stay_where_they_began_beyond():
+    one = (Hinge(column=0, axis=np.array([0.0, 1.0, 0.0]), anchor=np.zeros(3), zero=0.0),)
+    links = (
+        Link(offset=np.zeros(3), turn=np.array([1.0, 0, 0, 0]), hinges=one),
+        Link(offset=np.array([0.0, 0, -1]), turn=np.array([1.0, 0, 0, 0]), hinges=()),
+    )
+    base = (np.zeros((3, 3)), np.tile([1.0, 0, 0, 0], (3, 1)))
+    turn = qa.about([0.0, 1.0, 0.0], np.array([0.9, 0.3, 0.9]))
+    goal = (qa.rotate(turn, [0.0, 0.0, -1.0]), turn)
+    start = np.array([[0.0], [0.0], [0.7]])
+    solved = solve_hinges(links, start, base, goal, (np.array([-0.5]), np.array([0.5])))
+    np.testing.assert_allclose(solved.angles[:, 0], [0.5, 0.3, 0.7], atol=1e-9)
+    np.testing.assert_allclose(solved.turned_off, [0.4, 0.0, 0.2], atol=1e-9)
+
+
 # --- robots' own data ---------------------------------------------------------------------------
 
 

@@ -15,7 +15,6 @@ from footik_runtime.errors import FootIKError
 from footik_runtime.formats.qpos import read_qpos, write_qpos
 from footik_runtime.formats.qpos_tree import HINGE, tree_of
 
-
 # --- other layouts ------------------------------------------------------------------------------
 
 

@@ -72,24 +72,28 @@ class Keys:
 
         Where the curve is not constant at a cut, a key with its value and slope is put there.
         """
-        inside = (self.times > start) & (self.times < stop)
-        edges = np.array([start, stop])
-        values, slopes = _with_slopes(self, edges)
-        steady = slopes == 0.0
-        if self.interpolation == "step":
-            steady[:] = True
-        first = self.values[inside][:1]
-        keep_start = not inside.any() or not steady[0] or first[0] != values[0]
-        last = self.values[inside][-1:]
-        keep_stop = inside.any() and (not steady[1] or last[0] != values[1])
-        keep_stop |= not inside.any() and (not steady.all() or values[0] != values[1])
-        ends = [keep_start, *np.ones(inside.sum(), dtype=bool), keep_stop]
+        inside = np.flatnonzero((self.times > start) & (self.times <= stop))
+        values, slopes = _with_slopes(self, np.array([start, stop]))
+        head = tail = True
+        if len(inside):
+            first, last = inside[[0, -1]]
+            head = first > 0 and not self._level(values[0], slopes[0], first)
+            tail = last < len(self) - 1 and self.times[last] < stop
+            tail = tail and not self._level(values[1], slopes[1], last)
+        elif self.interpolation == "step" or (values[0] == values[1] and not slopes.any()):
+            tail = False
+        kept = np.array([head, *np.ones(len(inside), dtype=bool), tail])
         return Keys(
-            times=np.array([start, *self.times[inside], stop])[ends] - start,
-            values=np.array([values[0], *self.values[inside], values[1]])[ends],
-            slopes=np.array([slopes[0], *self.slopes[inside], slopes[1]])[ends],
+            times=np.array([start, *self.times[inside], stop])[kept] - start,
+            values=np.array([values[0], *self.values[inside], values[1]])[kept],
+            slopes=np.array([slopes[0], *self.slopes[inside], slopes[1]])[kept],
             interpolation=self.interpolation,
         )
+
+    def _level(self, value: float, slope: float, key: int) -> bool:
+        """Whether the curve is constant between a key and a point of a segment beside it."""
+        flat = self.interpolation != "smooth" or (slope == 0.0 and self.slopes[key] == 0.0)
+        return bool(value == self.values[key]) and flat
 
 
 def sample(keys: Keys, times: Array) -> Array:

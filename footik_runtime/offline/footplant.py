@@ -295,11 +295,10 @@ def _leg_joints(leg: Leg, rig: Rig) -> LegJoints:
 
 def _contacts(clip: Clip, rig: Rig, result: FootPlantResult) -> Contacts:
     """Heel and toe down together: this detector knows the ankle only."""
-    foot: Bools = np.zeros((len(clip), len(rig.legs)), dtype=bool)
+    down: Bools = np.zeros((len(clip), len(rig.legs), 2), dtype=bool)
     for i, report in enumerate(result.feet):
         for a, b in report.plants:
-            foot[a : b + 1, i] = True
-    down = np.repeat(foot[..., None], 2, axis=-1)
+            down[a : b + 1, i] = True
     under = result.ground - np.array([leg.sole.height for leg in rig.legs])
     return Contacts(
         fps=clip.fps,
