@@ -24,7 +24,7 @@ _WINDOW = 0.08  # s within which a phase's ends are looked for
 _SHORTEST_PHASE = 0.05  # s: a foot that rocks back for less does not
 _PER_FRAME = 1e-4  # m of the pinned point's way that moving an end by a frame must save
 _STANDS = 0.02  # m/s: a point this slow stands, however still the others are
-_LEAVES = 0.12  # m/s, over and above what it does in mid-contact: a point this fast is not held
+_LEAVES = 0.3  # m/s, over and above what it does in mid-contact: a point this fast is not held
 _PER_USUAL = 1.0
 _LIFTED = 0.005  # m over where it is in mid-contact: a point this high is not held
 _ROLLED = math.radians(2.5)  # pitch, off that of the flat foot, from which it turns over an end
@@ -287,7 +287,8 @@ def _release(soles, spans, stretches, fps, apart, leaves, lifted, most):
         while stop - apart > start and spans[k, 2] - stop < longest:
             phase = _phase(stretches, last - 1, stop - 1)
             way = _way_between(soles, foot, stop - 1 - apart, stop - 1, phase)
-            if way <= fastest and _pinned_height(soles, foot, stop - 1, phase) <= highest:
+            height = _pinned_height(soles, foot, stop - 1, phase)
+            if way <= fastest and (phase == BALL or height <= highest):
                 break
             stop -= 1
         while start + apart < stop and start - spans[k, 1] < longest:
