@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 HEEL, FLAT, BALL = int(Phase.HEEL), int(Phase.FLAT), int(Phase.BALL)  # plain, for kernels
 
 # Of a body whose legs are 0.85 m long; lengths and speeds scale with the leg.
-_WINDOW = 0.08  # s within which a phase's ends are looked for
+_WINDOW = 0.15  # s within which a phase's ends are looked for
 _SHORTEST_PHASE = 0.05  # s: a foot that rocks back for less does not
 _PER_FRAME = 1e-4  # m of the pinned point's way that moving an end by a frame must save
 _STANDS = 0.02  # m/s: a point this slow stands, however still the others are
