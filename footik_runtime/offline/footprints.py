@@ -24,10 +24,12 @@ _WINDOW = 0.15  # s within which a phase's ends are looked for
 _SHORTEST_PHASE = 0.05  # s: a foot that rocks back for less does not
 _PER_FRAME = 1e-4  # m of the pinned point's way that moving an end by a frame must save
 _STANDS = 0.02  # m/s: a point this slow stands, however still the others are
-_LEAVES = 0.3  # m/s, over and above what it does in mid-contact: a point this fast is not held
+_LEAVES = 0.12  # m/s, over and above what it does in mid-contact: a point this fast is not held
 _PER_USUAL = 1.0
 _LIFTED = 0.010  # m over where it is in mid-contact: a point this high is not held
 _ROLLED = math.radians(2.5)  # pitch, off that of the flat foot, from which it turns over an end
+_STEPS = 0.25  # m/s, over twice what it does in all: a foot with both ends this fast goes away
+_NEW_PLACE = 0.025  # m: and does, where that brings it this far
 _BETWEEN = 1.0 / 60.0  # s over which that speed is told
 _MOST_TRIMMED = 0.10  # s, and a third of the contact, off either end of it
 _MOSTLY = 0.6  # of a contact's frames: a foot still in so many stands quite still
@@ -107,6 +109,59 @@ def still_ends(
         work.soles, prints.spans, stretches, heels, balls, keep, most, change, starts, stops
     )
     return change, starts, stops
+
+
+def stands(work: Working, spans: Ints) -> Ints:
+    """(K', 3) the contacts `spans` (K, 3), parted where a foot goes from one place to another.
+
+    A foot that shuffles hardly leaves the ground: its contact lasts, but it has two footprints.
+    """
+    fps = work.clip.fps
+    out = np.empty((int(np.sum(spans[:, 2] - spans[:, 1])), 3), dtype=np.int64)
+    apart = max(1, round(_BETWEEN * fps))
+    fewest = max(2, math.ceil(_SHORTEST_PHASE * fps))
+    count = _part(
+        work.soles, spans, fps, apart, fewest, _STEPS * work.scale, _NEW_PLACE * work.scale, out
+    )
+    return out[:count]
+
+
+@compiled
+def _part(soles, spans, fps, apart, fewest, steps, new_place, out):
+    """Write the stands of all contacts into out (S, 3); return how many."""
+    count = 0
+    for k in range(spans.shape[0]):
+        foot, start, stop = spans[k, 0], spans[k, 1], spans[k, 2]
+        usual = 0.0
+        for t in range(start, stop - apart):
+            usual += _slower(soles, foot, t, t + apart) / max(stop - start - apart, 1)
+        fastest = steps * apart / fps + 2.0 * usual
+        t = start
+        while t < stop - apart:
+            if _slower(soles, foot, t, t + apart) <= fastest:
+                t += 1
+                continue
+            first = t
+            while t < stop - apart and _slower(soles, foot, t, t + apart) > fastest:
+                t += 1
+            last = t + apart - 1
+            within = first - start >= fewest and stop - last - 1 >= fewest
+            if within and _slower(soles, foot, first, last) > new_place:
+                out[count, 0], out[count, 1], out[count, 2] = foot, start, first + 1
+                count += 1
+                start = last
+                t = last
+        out[count, 0], out[count, 1], out[count, 2] = foot, start, stop
+        count += 1
+    return count
+
+
+@compiled
+def _slower(soles, foot, a, b):
+    """How far heel and ball go from frame a to b, the one that goes less far, m."""
+    by_heel = norm(sub(get3(soles[b, foot, HEEL_POINT]), get3(soles[a, foot, HEEL_POINT])))
+    by_ball = norm(sub(get3(soles[b, foot, BALL_POINT]), get3(soles[a, foot, BALL_POINT])))
+    return min(by_heel, by_ball)
 
 
 @compiled
@@ -288,7 +343,7 @@ def _release(soles, spans, stretches, fps, apart, leaves, lifted, most):
             phase = _phase(stretches, last - 1, stop - 1)
             way = _way_between(soles, foot, stop - 1 - apart, stop - 1, phase)
             height = _pinned_height(soles, foot, stop - 1, phase)
-            if way <= fastest and (phase == BALL or height <= highest):
+            if way <= fastest and height <= highest:
                 break
             stop -= 1
         while start + apart < stop and start - spans[k, 1] < longest:
