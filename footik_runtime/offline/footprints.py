@@ -24,7 +24,8 @@ _WINDOW = 0.15  # s within which a phase's ends are looked for
 _SHORTEST_PHASE = 0.05  # s: a foot that rocks back for less does not
 _PER_FRAME = 1e-4  # m of the pinned point's way that moving an end by a frame must save
 _STANDS = 0.02  # m/s: a point this slow stands, however still the others are
-_LEAVES = 0.12  # m/s, over and above what it does in mid-contact: a point this fast is not held
+_ARRIVES = 0.15  # m/s, over what it does in mid-contact: a foot that comes down so fast does not stand
+_LEAVES = 0.3  # m/s, likewise: a point that goes so fast is not held
 _PER_USUAL = 1.0
 _LIFTED = 0.010  # m over where it is in mid-contact: a point this high is not held
 _ROLLED = math.radians(2.5)  # pitch, off that of the flat foot, from which it turns over an end
@@ -75,7 +76,7 @@ def footprints(work: Working, contacts: Contacts, spans: Ints) -> Footprints:
     apart = max(1, round(_BETWEEN * fps))
     _release(
         work.soles, spans, stretches, fps, apart,
-        _LEAVES * work.scale, _LIFTED * work.scale, _MOST_TRIMMED * fps,
+        _ARRIVES * work.scale, _LEAVES * work.scale, _LIFTED * work.scale, _MOST_TRIMMED * fps,
     )  # fmt: skip
     soles = np.array([(leg.sole.heel, leg.sole.ball) for leg in work.rig.legs])
     places, directions = np.empty((len(spans), 3)), np.empty((len(spans), 3))
@@ -315,7 +316,7 @@ def _pinned_height(soles, foot, t, phase):
 
 
 @compiled
-def _release(soles, spans, stretches, fps, apart, leaves, lifted, most):
+def _release(soles, spans, stretches, fps, apart, arrives, leaves, lifted, most):
     """Take off each contact's ends what still comes down, or already leaves.
 
     A foot that bears weight may move faster than one that can be held: its ball rolls off the tip.
@@ -337,6 +338,7 @@ def _release(soles, spans, stretches, fps, apart, leaves, lifted, most):
                 level += _pinned_height(soles, foot, t, phase)
                 count += 1
         highest = level / max(count, 1) + lifted if count else np.inf
+        slower = (arrives + _PER_USUAL * usual / max(count, 1)) * apart / fps
         fastest = (leaves + _PER_USUAL * usual / max(count, 1)) * apart / fps
         longest = int(min(most, (stop - start) / 3.0))
         while stop - apart > start and spans[k, 2] - stop < longest:
@@ -349,7 +351,7 @@ def _release(soles, spans, stretches, fps, apart, leaves, lifted, most):
         while start + apart < stop and start - spans[k, 1] < longest:
             phase = _phase(stretches, first, start)
             way = _way_between(soles, foot, start, start + apart, phase)
-            if way <= fastest and _pinned_height(soles, foot, start, phase) <= highest:
+            if way <= slower and _pinned_height(soles, foot, start, phase) <= highest:
                 break
             start += 1
         spans[k, 1], spans[k, 2] = start, stop
