@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -27,7 +29,7 @@ from footik_runtime.math3d import (
     unit,
 )
 from footik_runtime.offline.stages import CleanSettings, FootPaths, Plant, Working
-from footik_runtime.sole import BALL
+from footik_runtime.sole import BALL, HEEL
 
 Array = NDArray[np.float64]
 
@@ -35,6 +37,7 @@ _FADE = 0.12  # s, at most, over which a foot turns back to its own pitch after 
 _NOTHING = 1e-9  # m and rad: smaller offsets are none
 # Of a body whose legs are 0.85 m long.
 _PEELS = 0.008  # m over the height it was held at from which a ball leaves the ground as it did
+_HOVERS = 0.0025  # m: a heel comes down no higher than this
 _TOUCHES = 0.002  # m: toes are this near the ground while the ball peels off it
 
 
@@ -84,8 +87,12 @@ def _pose_plants(
         back, front, height = lengths[foot, 0], lengths[foot, 1], lengths[foot, 2]
         under_heel, under_ball = (-back, 0.0, -height), (front, 0.0, -height)
         before, after = _flat_before(spans, s), _flat_after(spans, s)
-        lowest_ball = np.inf
-        for t in range(start, stop):
+        lowest = np.inf
+        for i in range(start, stop):
+            # A heel comes down as its ball peels off: from the flat foot backwards.
+            t = start + flat - 1 - i if i < flat else i
+            if i == roll:
+                lowest = np.inf
             given = quat_mul(get4(rotations[t, ankle]), frame)
             if flat <= t < roll:
                 wanted = held
@@ -97,12 +104,19 @@ def _pose_plants(
                                 rotations, ankle)  # fmt: skip
                 wanted = quat_mul(quat_from_rotvec(offset), given)
                 wanted = _over_ground(wanted, normal, 1.0 if t < flat else -1.0)
+            peeled = 0.0
+            if t < flat or t >= roll:
+                point, pin = (HEEL, heel) if t < flat else (BALL, ball)
+                over = dot(sub(get3(soles[t, foot, point]), pin), normal)
+                lowest = min(lowest, over)
+                peeled = _peeled(over - lowest, _PEELS * size)
+                if t < flat:
+                    # Nothing else of the foot is down yet.
+                    most = _HOVERS * size
+                    peeled = most * (1.0 - math.exp(-peeled / most))
             if t < roll:
-                goal = sub(heel, rotate(wanted, under_heel))
+                goal = sub(add_scaled(heel, normal, peeled), rotate(wanted, under_heel))
             else:
-                over = dot(sub(get3(soles[t, foot, BALL]), ball), normal)
-                lowest_ball = min(lowest_ball, over)
-                peeled = _peeled(over - lowest_ball, _PEELS * size)
                 goal = sub(add_scaled(ball, normal, peeled), rotate(wanted, under_ball))
             set3(moves[t, foot], _or_nothing(sub(goal, get3(positions[t, ankle]))))
             turn = _or_nothing(quat_to_rotvec(quat_mul(wanted, quat_conj(given))))
@@ -111,11 +125,11 @@ def _pose_plants(
                 rise = dot(sub(add(goal, rotate(wanted, under_ball)), ball), normal)
                 toes = quat_mul(get4(rotations[t, toe]), get4(frames[foot, 1]))
                 pointing = rotate(toes, (1.0, 0.0, 0.0))
-                lowest = -max(rise, 0.0) / lengths[foot, 3]
+                least = -max(rise, 0.0) / lengths[foot, 3]
                 highest = np.inf
                 if t >= roll:
                     highest = _highest(max(rise, 0.0), _TOUCHES * size) / lengths[foot, 3]
-                set3(toe_turns[t, foot], _toes_up(pointing, turn, normal, lowest, highest))
+                set3(toe_turns[t, foot], _toes_up(pointing, turn, normal, least, highest))
 
 
 @compiled

@@ -20,14 +20,17 @@ Array = NDArray[np.float64]
 HEEL, FLAT, BALL = int(Phase.HEEL), int(Phase.FLAT), int(Phase.BALL)  # plain, for kernels
 
 # Of a body whose legs are 0.85 m long; lengths and speeds scale with the leg.
-_WINDOW = 0.08  # s within which a phase's ends are looked for
+_WINDOW = 0.15  # s within which a phase's ends are looked for
 _SHORTEST_PHASE = 0.05  # s: a foot that rocks back for less does not
 _PER_FRAME = 1e-4  # m of the pinned point's way that moving an end by a frame must save
 _STANDS = 0.02  # m/s: a point this slow stands, however still the others are
-_LEAVES = 0.12  # m/s, over and above what it does in mid-contact: a point this fast is not held
+_ARRIVES = 0.15  # m/s, over what it does in mid-contact: a foot that comes down so fast does not stand
+_LEAVES = 0.3  # m/s, likewise: a point that goes so fast is not held
 _PER_USUAL = 1.0
-_LIFTED = 0.005  # m over where it is in mid-contact: a point this high is not held
+_LIFTED = 0.010  # m over where it is in mid-contact: a point this high is not held
 _ROLLED = math.radians(2.5)  # pitch, off that of the flat foot, from which it turns over an end
+_STEPS = 0.25  # m/s, over twice what it does in all: a foot with both ends this fast goes away
+_NEW_PLACE = 0.025  # m: and does, where that brings it this far
 _BETWEEN = 1.0 / 60.0  # s over which that speed is told
 _MOST_TRIMMED = 0.10  # s, and a third of the contact, off either end of it
 _MOSTLY = 0.6  # of a contact's frames: a foot still in so many stands quite still
@@ -73,7 +76,7 @@ def footprints(work: Working, contacts: Contacts, spans: Ints) -> Footprints:
     apart = max(1, round(_BETWEEN * fps))
     _release(
         work.soles, spans, stretches, fps, apart,
-        _LEAVES * work.scale, _LIFTED * work.scale, _MOST_TRIMMED * fps,
+        _ARRIVES * work.scale, _LEAVES * work.scale, _LIFTED * work.scale, _MOST_TRIMMED * fps,
     )  # fmt: skip
     soles = np.array([(leg.sole.heel, leg.sole.ball) for leg in work.rig.legs])
     places, directions = np.empty((len(spans), 3)), np.empty((len(spans), 3))
@@ -105,6 +108,59 @@ def still_ends(
     most = math.ceil(_MOST_TRIMMED * prints.fps)
     _trim(work.soles, prints.spans, stretches, heels, balls, keep, most, change, starts, stops)
     return change, starts, stops
+
+
+def stands(work: Working, spans: Ints) -> Ints:
+    """(K', 3) the contacts `spans` (K, 3), parted where a foot goes from one place to another.
+
+    A foot that shuffles hardly leaves the ground: its contact lasts, but it has two footprints.
+    """
+    fps = work.clip.fps
+    out = np.empty((int(np.sum(spans[:, 2] - spans[:, 1])), 3), dtype=np.int64)
+    apart = max(1, round(_BETWEEN * fps))
+    fewest = max(2, math.ceil(_SHORTEST_PHASE * fps))
+    count = _part(
+        work.soles, spans, fps, apart, fewest, _STEPS * work.scale, _NEW_PLACE * work.scale, out
+    )
+    return out[:count]
+
+
+@compiled
+def _part(soles, spans, fps, apart, fewest, steps, new_place, out):
+    """Write the stands of all contacts into out (S, 3); return how many."""
+    count = 0
+    for k in range(spans.shape[0]):
+        foot, start, stop = spans[k, 0], spans[k, 1], spans[k, 2]
+        usual = 0.0
+        for t in range(start, stop - apart):
+            usual += _slower(soles, foot, t, t + apart) / max(stop - start - apart, 1)
+        fastest = steps * apart / fps + 2.0 * usual
+        t = start
+        while t < stop - apart:
+            if _slower(soles, foot, t, t + apart) <= fastest:
+                t += 1
+                continue
+            first = t
+            while t < stop - apart and _slower(soles, foot, t, t + apart) > fastest:
+                t += 1
+            last = t + apart - 1
+            within = first - start >= fewest and stop - last - 1 >= fewest
+            if within and _slower(soles, foot, first, last) > new_place:
+                out[count, 0], out[count, 1], out[count, 2] = foot, start, first + 1
+                count += 1
+                start = last
+                t = last
+        out[count, 0], out[count, 1], out[count, 2] = foot, start, stop
+        count += 1
+    return count
+
+
+@compiled
+def _slower(soles, foot, a, b):
+    """How far heel and ball go from frame a to b, the one that goes less far, m."""
+    by_heel = norm(sub(get3(soles[b, foot, HEEL_POINT]), get3(soles[a, foot, HEEL_POINT])))
+    by_ball = norm(sub(get3(soles[b, foot, BALL_POINT]), get3(soles[a, foot, BALL_POINT])))
+    return min(by_heel, by_ball)
 
 
 @compiled
@@ -258,7 +314,7 @@ def _pinned_height(soles, foot, t, phase):
 
 
 @compiled
-def _release(soles, spans, stretches, fps, apart, leaves, lifted, most):
+def _release(soles, spans, stretches, fps, apart, arrives, leaves, lifted, most):
     """Take off each contact's ends what still comes down, or already leaves.
 
     A foot that bears weight may move faster than one that can be held: its ball rolls off the tip.
@@ -280,18 +336,20 @@ def _release(soles, spans, stretches, fps, apart, leaves, lifted, most):
                 level += _pinned_height(soles, foot, t, phase)
                 count += 1
         highest = level / max(count, 1) + lifted if count else np.inf
+        slower = (arrives + _PER_USUAL * usual / max(count, 1)) * apart / fps
         fastest = (leaves + _PER_USUAL * usual / max(count, 1)) * apart / fps
         longest = int(min(most, (stop - start) / 3.0))
         while stop - apart > start and spans[k, 2] - stop < longest:
             phase = _phase(stretches, last - 1, stop - 1)
             way = _way_between(soles, foot, stop - 1 - apart, stop - 1, phase)
-            if way <= fastest and _pinned_height(soles, foot, stop - 1, phase) <= highest:
+            height = _pinned_height(soles, foot, stop - 1, phase)
+            if way <= fastest and height <= highest:
                 break
             stop -= 1
         while start + apart < stop and start - spans[k, 1] < longest:
             phase = _phase(stretches, first, start)
             way = _way_between(soles, foot, start, start + apart, phase)
-            if way <= fastest and _pinned_height(soles, foot, start, phase) <= highest:
+            if way <= slower and _pinned_height(soles, foot, start, phase) <= highest:
                 break
             start += 1
         spans[k, 1], spans[k, 2] = start, stop

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footik_runtime import quat_arrays
-from footik_runtime.offline.footprints import Footprints, footprints, still_ends
+from footik_runtime.offline.footprints import Footprints, footprints, stands, still_ends
 from footik_runtime.offline.stages import (
     Bools,
     CleanSettings,
@@ -50,7 +50,7 @@ class FoundGround:
 def find(
     work: Working, contacts: Contacts, settings: CleanSettings, ground: Ground | None = None
 ) -> tuple[Plant, ...]:
-    """Every contact as a plant, by foot and time; one that rocks back is plants without a gap.
+    """Every contact as plants, by foot and time; one that rocks back is plants without a gap.
 
     A plant holds what moves its pinned points least: the mean of where each frame has its
     footprint. `change` is that of the whole contact; under `keep_below` nothing is asked of it.
@@ -58,6 +58,7 @@ def find(
     spans = contact_spans(contacts.foot)
     if not len(spans):
         return ()
+    spans = stands(work, spans)
     prints = footprints(work, contacts, spans)
     found = found_ground(prints, work.scale, settings.snap)
     heels, balls, normals = _held(work, prints, found, ground)
