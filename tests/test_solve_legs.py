@@ -181,9 +181,7 @@ def test_segments_keep_their_lengths_without_stretch():
     rng = np.random.default_rng(0)
     work = working_of(WALK, RIG)
     moves = rng.uniform(-0.3, 0.3, (len(WALK), 2, 3))
-    rotations, none, _ = solve(
-        work, paths(len(WALK), 2, moves), np.zeros((len(WALK), 3)), SETTINGS
-    )
+    rotations, none, _ = solve(work, paths(len(WALK), 2, moves), np.zeros((len(WALK), 3)), SETTINGS)
     positions, _ = pose_after(WALK, rotations, none, np.zeros((len(WALK), 3)))
     before, _ = leg_spans(RIG, work.positions)
     after, _ = leg_spans(RIG, positions)

@@ -24,7 +24,9 @@ _WINDOW = 0.15  # s within which a phase's ends are looked for
 _SHORTEST_PHASE = 0.05  # s: a foot that rocks back for less does not
 _PER_FRAME = 1e-4  # m of the pinned point's way that moving an end by a frame must save
 _STANDS = 0.02  # m/s: a point this slow stands, however still the others are
-_ARRIVES = 0.15  # m/s, over what it does in mid-contact: a foot that comes down so fast does not stand
+_ARRIVES = (
+    0.15  # m/s, over what it does in mid-contact: a foot that comes down so fast does not stand
+)
 _LEAVES = 0.3  # m/s, likewise: a point that goes so fast is not held
 _PER_USUAL = 1.0
 _LIFTED = 0.010  # m over where it is in mid-contact: a point this high is not held
