@@ -18,7 +18,7 @@ from footik_runtime.anthropometry import find_anatomy, segment_masses
 from footik_runtime.body_shapes import CAPSULE, Shape, body_shapes
 from footik_runtime.compiled import compiled
 from footik_runtime.errors import FootIKError, unknown_name
-from footik_runtime.math3d import get3, get4, quat_conj, quat_mul, set3, set4
+from footik_runtime.math3d import get3, get4, quat_conj, quat_mul, quat_to_rotvec, set3, set4
 from footik_runtime.model_skeleton import (
     body_id,
     require_drivable,
@@ -235,10 +235,10 @@ class Character:
         Raises:
             FootIKError: the pose is of another skeleton.
         """
-        if np.shape(rotations) != (len(self.qpos_address), 4) or np.shape(root_position_w) != (3,):
+        if rotations.shape != (len(self.qpos_address), 4) or root_position_w.shape != (3,):
             raise FootIKError(
                 f"a pose of this character is ({len(self.qpos_address)}, 4) rotations and a (3,) "
-                f"root, not {np.shape(rotations)} and {np.shape(root_position_w)}."
+                f"root, not {rotations.shape} and {root_position_w.shape}."
             )
         write_qpos(data.qpos, self.qpos_address, root_position_w, rotations, self.rest)
 
@@ -258,16 +258,12 @@ class Character:
         Raises:
             FootIKError: previous_qpos has another length than the model's qpos.
         """
-        if np.shape(previous_qpos) != (model.nq,):
-            raise FootIKError(
-                f"previous_qpos must be ({model.nq},), not {np.shape(previous_qpos)}."
-            )
+        if previous_qpos.shape != (model.nq,):
+            raise FootIKError(f"previous_qpos must be ({model.nq},), not {previous_qpos.shape}.")
         if not dt > 0.0:
             data.qvel[self.dofs] = 0.0
             return
-        velocity = np.empty(model.nv)
-        mujoco.mj_differentiatePos(model, velocity, dt, previous_qpos, data.qpos)
-        data.qvel[self.dofs] = velocity[self.dofs]
+        write_qvel(data.qvel, self.dofs, self.qpos_address, previous_qpos, data.qpos, dt)
 
 
 @compiled
@@ -289,3 +285,25 @@ def write_qpos(qpos_row, address, root_position, rotations, rest):
             if rest.shape[0] > 0:
                 q = quat_mul(quat_conj(get4(rest[j])), q)
             set4(qpos_row[address[j] :], q)
+
+
+@compiled
+def write_qvel(qvel_row, dofs, address, before, now, dt):
+    """Write the velocity that leads from one row of qpos to another into one row of qvel.
+
+    Args:
+        qvel_row: (nv,) written in place.
+        dofs, address: (D,) and (J,) as `Character.dofs` and `Character.qpos_address`.
+        before, now: (nq,).
+        dt: seconds between them, above 0.
+    """
+    for k in range(3):
+        qvel_row[dofs[k]] = (now[address[0] + k] - before[address[0] + k]) / dt
+    dof = 3
+    for j in range(address.shape[0]):
+        at = address[j] + 3 if j == 0 else address[j]
+        if at >= 0:
+            turn = quat_to_rotvec(quat_mul(quat_conj(get4(before[at:])), get4(now[at:])))
+            for k in range(3):
+                qvel_row[dofs[dof + k]] = turn[k] / dt
+            dof += 3

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import cmath
 import math
+from copy import copy
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -78,14 +79,17 @@ class Clip:
                 raise FootIKError(f"{self.name}: {attribute} must be {shape}, not {value.shape}.")
             self._require_finite(attribute, value)
             set_field(self, attribute, value)
-        for curve, values in self.curves.items():
-            if np.shape(values) != (frames,):
+        self._require_curves(self.curves)
+        set_field(self, "rotations", _continuous(self.rotations, self.name))
+
+    def _require_curves(self, curves: dict[str, Array]) -> None:
+        for curve, values in curves.items():
+            if np.shape(values) != (len(self),):
                 raise FootIKError(
-                    f"{self.name}: curve {curve!r} must have {frames} values, "
+                    f"{self.name}: curve {curve!r} must have {len(self)} values, "
                     f"not shape {np.shape(values)}."
                 )
             self._require_finite(f"curve {curve!r}", np.asarray(values, dtype=np.float64))
-        set_field(self, "rotations", _continuous(self.rotations, self.name))
 
     def _require_finite(self, what: str, value: Array) -> None:
         bad = np.argwhere(~np.isfinite(value))
@@ -110,9 +114,21 @@ class Clip:
         """(T,) seconds of each frame."""
         return np.arange(len(self)) / self.fps
 
-    def with_curves(self, **curves: Array) -> Clip:
+    def with_curves(self, /, **curves: Array) -> Clip:
         """The same clip with these curves added or replaced."""
-        return replace(self, curves={**self.curves, **curves})
+        self._require_curves(curves)
+        return self._with(curves={**self.curves, **curves})
+
+    def with_extras(self, /, **extras: Any) -> Clip:
+        """The same clip with these extras added or replaced."""
+        return self._with(extras={**self.extras, **extras})
+
+    def _with(self, /, **fields: Any) -> Clip:
+        """`replace` for what is no motion: checking all frames again would take longest."""
+        changed = copy(self)
+        for name, value in fields.items():
+            object.__setattr__(changed, name, value)
+        return changed
 
     def cut(self, start: int, stop: int) -> Clip:
         """Frames start to stop - 1 as a clip of their own."""

@@ -67,6 +67,17 @@ def contact_f1(
     Raises:
         FootIKError: shapes differ, or tolerance or fps are out of range.
     """
+    return f1_of(*contact_counts(predicted, truth, known, tolerance_s, fps))
+
+
+def contact_counts(
+    predicted: ArrayLike,
+    truth: ArrayLike,
+    known: ArrayLike | None = None,
+    tolerance_s: float = 0.0,
+    fps: float = 120.0,
+) -> tuple[int, int]:
+    """True positives, and errors of either kind, as `contact_f1` counts them: sums add up."""
     given, true, sure = _same_shape(predicted, truth, known)
     _require_rate(fps)
     if not (np.isfinite(tolerance_s) and tolerance_s >= 0):
@@ -74,6 +85,11 @@ def contact_f1(
     far = _frames_to_change(true, sure) >= tolerance_s * fps - 1e-9
     hits = int(np.sum(given & true & sure))
     errors = int(np.sum((given != true) & sure & far))
+    return hits, errors
+
+
+def f1_of(hits: int, errors: int) -> float:
+    """F1 of counts: 2 hits / (2 hits + errors); NaN of none."""
     return 2 * hits / (2 * hits + errors) if hits + errors else math.nan
 
 

@@ -9,6 +9,7 @@ import math
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from numbers import Real
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -107,10 +108,17 @@ class Crowd:
         self.block = _new_block(min(count, BLOCK), joints, len(legs))
         self._blocks.insert(0, self.block)
         self._pool = ThreadPoolExecutor(len(self._parts)) if len(self._parts) > 1 else None
-        self._tables = tuple(self.tables._replace(settings=np.array([self.tables.settings])))
+        self._around = _scene_bodies(self.ground)
+        self._native = self._native_arguments()
         self.bodies["rate"], self.bodies["enabled"] = 1.0, 1
         self.bodies["velocity"], self.bodies["turn_rate"] = motion.velocity, motion.yaw_rate
         self.reset()
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Take a copy's state: it steps its own arrays, not those of the original."""
+        self.__dict__.update(state)
+        self._around = _scene_bodies(self.ground)
+        self._native = self._native_arguments()
 
     def reset(self) -> None:
         """Forget all feet: the next frame places them where the animation has them."""
@@ -160,49 +168,51 @@ class Crowd:
         check_dt(dt)
         if self.openkcc is not None:
             state = (self.bodies, self.feet, self.tables, self.roots, self.rotations, self.block)
-            self.openkcc.step(*state, dt, self._scene_bodies(), self.ground)
-            return
-        caster = self.ground.caster() if isinstance(self.ground, SceneGround) else None
-        if caster is None:
+            self.openkcc.step(*state, dt, self._around, self.ground)
+        elif not self._native:
             self._step_through_python(dt)
         elif self._pool is None:
-            self._step_native(self._parts[0], self.block, dt, tuple(caster))
+            step_native(dt, *self._native[0])
         else:
-            jobs = [
-                self._pool.submit(self._step_native, part, block, dt, tuple(caster))
-                for part, block in zip(self._parts, self._blocks, strict=True)
-            ]
+            jobs = [self._pool.submit(step_native, dt, *given) for given in self._native]
             for job in jobs:
                 job.result()
 
-    def _step_native(self, part: slice, block: Block, dt: float, caster: tuple) -> None:
-        step_native(
-            self.bodies[part], self.feet[part], self._tables, self.roots[part],
-            self.rotations[part], tuple(block), dt, tuple(self._scene_bodies()), caster,
-        )  # fmt: skip
+    def _native_arguments(self) -> list[tuple]:
+        """What `step_native` takes after dt, for each part of the rows; none without native rays.
+
+        Made once: all of it stays where it is, and is written in place.
+        """
+        caster = self.ground.caster() if isinstance(self.ground, SceneGround) else None
+        if caster is None:
+            return []
+        tables = tuple(self.tables._replace(settings=np.array([self.tables.settings])))
+        shared = (tables, tuple(self._around), tuple(caster))
+        return [
+            (
+                self.bodies[part], self.feet[part], self.roots[part], self.rotations[part],
+                tuple(block), *shared,
+            )
+            for part, block in zip(self._parts, self._blocks, strict=True)
+        ]  # fmt: skip
 
     def _step_through_python(self, dt: float) -> None:
-        bodies = self._scene_bodies()
         for first in range(0, len(self.bodies), BLOCK):
             here = slice(first, first + BLOCK)
             rows = (
                 self.bodies[here], self.feet[here], self.tables, self.roots[here],
                 self.rotations[here],
             )  # fmt: skip
-            before_rays(*rows, self.block, dt, bodies)
+            before_rays(*rows, self.block, dt, self._around)
             for row in range(len(self.bodies[here])):
                 self.ground.cast(self.block.probes[row], self.block.hits[row])
-            after_rays(*rows, self.block, dt, bodies)
-
-    def _scene_bodies(self) -> Bodies:
-        if isinstance(self.ground, SceneGround):
-            return Bodies(self.ground.data.xpos, self.ground.data.xquat)
-        return _WORLD
+            after_rays(*rows, self.block, dt, self._around)
 
 
 def check_dt(dt: float) -> None:
     """Raise FootIKError unless dt, s, is finite and 0 or more."""
-    if not (isinstance(dt, Real) and math.isfinite(dt) and dt >= 0.0):
+    # float is asked first: it answers at once, where the abstract Real looks its kinds up.
+    if not (isinstance(dt, (float, Real)) and math.isfinite(dt) and dt >= 0.0):
         raise FootIKError(f"a step's dt must be 0 or more and finite, not {dt!r}.")
 
 
@@ -248,6 +258,13 @@ def _joints_needed(motion: Motion) -> NDArray[np.int32]:
     ends = [leg.toe if leg.toe >= 0 else leg.ankle for leg in motion.rig.legs]
     ends.append(motion.rig.hips)
     return np.array(sorted({j for end in ends for j in skeleton.chain(end)}), dtype=np.int32)
+
+
+def _scene_bodies(ground: Ground) -> Bodies:
+    """Live views of a scene's bodies, which stay valid; the world's alone for other grounds."""
+    if isinstance(ground, SceneGround):
+        return Bodies(ground.data.xpos, ground.data.xquat)
+    return _WORLD
 
 
 def _shares(count: int, threads: int) -> list[slice]:

@@ -34,6 +34,16 @@ def phase_curve(leg_name: str) -> str:
     return f"{_camel(leg_name)}FootPhase"
 
 
+def heel_curve(leg_name: str) -> str:
+    """The curve of a leg's heel weight, at least .5 while the heel carries: "LeftHeelIKWeight"."""
+    return f"{_camel(leg_name)}HeelIKWeight"
+
+
+def toe_curve(leg_name: str) -> str:
+    """The same of the ball and toes: "LeftToeIKWeight"."""
+    return f"{_camel(leg_name)}ToeIKWeight"
+
+
 def _camel(name: str) -> str:
     words = name.replace("_", " ").replace("-", " ").split()
     return "".join(word[:1].upper() + word[1:] for word in words)

@@ -298,7 +298,7 @@ def cast_rows(block, rows, caster):
 
 
 @compiled
-def step_native(bodies, feet, tables, roots, locals_, block, dt, scene, caster):
+def step_native(dt, bodies, feet, roots, locals_, block, tables, scene, caster):
     """A whole frame of many rows, block by block, with native rays: nothing calls Python.
 
     Called from Python for every frame, so it is given what Numba takes in fast: plain tuples for

@@ -236,6 +236,45 @@ def test_the_velocity_leads_from_the_last_pose_to_this_one(seed, dt):
     np.testing.assert_allclose(np.abs(dots), 1.0, atol=1e-12)
 
 
+@settings(max_examples=25)
+@given(SEEDS, st.sampled_from([1e-3, 1 / 60, 0.5]), st.sampled_from([0.0, 1e-12, 0.1, 3.0]))
+def test_velocities_are_mujocos_own(seed, dt, most):
+    model = built(RIG)
+    character = Character.bind(model, RIG)
+    random = np.random.default_rng(seed)
+    data = mujoco.MjData(model)
+    root, rotations = random_pose(len(RIG.skeleton), seed)
+    character.write_pose(data, root, rotations)
+    before = data.qpos.copy()
+    turns = from_rotvec(random.normal(size=(len(rotations), 3)) * most)
+    turns *= random.choice([-1.0, 1.0], size=(len(turns), 1))  # the same rotations
+    character.write_pose(data, root + most * random.normal(size=3), mul(rotations, turns))
+    character.write_pose_velocity(model, data, before, dt)
+    expected = np.zeros(model.nv)
+    mujoco.mj_differentiatePos(model, expected, dt, before, data.qpos)
+    np.testing.assert_allclose(data.qvel, expected, rtol=1e-12, atol=1e-14 / dt)
+
+
+def test_bodies_welded_to_their_parents_have_no_velocity():
+    spec = mujoco.MjSpec()
+    above = spec.worldbody
+    for name in ("hips", "brace", "shin"):
+        above = above.add_body(name=name, pos=[0.0, 0.0, -0.2])
+        above.add_geom(size=[0.1, 0.1, 0.1])
+        if name == "hips":
+            above.add_freejoint()
+        elif name == "shin":
+            above.add_joint(type=mujoco.mjtJoint.mjJNT_BALL)
+    model = spec.compile()
+    character = Character.from_model(model, bare_rig(skeleton_from_model(model)))
+    data = mujoco.MjData(model)
+    before = data.qpos.copy()
+    turned = np.array([[1.0, 0, 0, 0], [1.0, 0, 0, 0], [np.cos(0.1), 0.0, np.sin(0.1), 0.0]])
+    character.write_pose(data, before[:3], turned)
+    character.write_pose_velocity(model, data, before, 0.1)
+    np.testing.assert_allclose(data.qvel, [0, 0, 0, 0, 0, 0, 0, 2.0, 0], atol=1e-12)
+
+
 @pytest.mark.parametrize("dt", [0.0, -0.01])
 def test_no_time_is_no_velocity(dt):
     character = Character.bind(MODEL, RIG)

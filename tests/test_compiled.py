@@ -31,7 +31,7 @@ sys.path.insert(0, {folder!r})
 from footik_runtime.compiled import announce_compilation
 announce_compilation(print)
 from footik_runtime.inertia import limited_velocity
-print(limited_velocity((0.0, 0.0, 0.0), (9.0, 0.0, 0.0), 1.0))
+print(limited_velocity((0.0, 0.0, 0.0), (9.0, 0.0, 0.0), 1.0, 1.0))
 """
 
 

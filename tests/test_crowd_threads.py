@@ -1,5 +1,7 @@
 """A crowd on several threads: the same bits as on one, whatever the number."""
 
+from copy import deepcopy
+
 import numpy as np
 import pytest
 
@@ -44,6 +46,17 @@ def test_threads_change_no_bit(scene: Scene, threads: int) -> None:
         many.step(1.0 / 60.0)
         assert bits(one) == bits(many)
     assert (one.feet["locked"] == 1).any()
+
+
+def test_a_copy_of_a_crowd_goes_on_by_itself(scene: Scene) -> None:
+    crowd = scattered(scene, 3, 1)
+    crowd.step(1.0 / 60.0)
+    copy, before = deepcopy(crowd), bits(crowd)
+    copy.step(1.0 / 60.0)
+    assert bits(crowd) == before
+    assert bits(copy) != before
+    crowd.step(1.0 / 60.0)
+    assert bits(copy) == bits(crowd)
 
 
 def test_more_threads_than_characters(scene: Scene) -> None:

@@ -56,7 +56,7 @@ class Terrain:
         end = self.sites[-1].x + self.pieces[-1].span
         return BEGIN, end, -self.half_width, self.half_width
 
-    @property
+    @functools.cached_property
     def static(self) -> bool:
         """Whether nothing of it ever moves, so that `move` need not be called."""
         return all(piece.static for piece in self.pieces)

@@ -1,0 +1,191 @@
+"""Clean: footskate taken out of a clip, after Kovar's five steps (Kovar, Schreiner, Gleicher 2002).
+
+Contacts are told, plants placed, feet posed, the root placed and the legs solved, all on a working
+copy that is levelled, travelling and padded; the clip gets only what differs back.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from footik_runtime import quat_arrays
+from footik_runtime.clip import Clip
+from footik_runtime.offline import detect, footing, footplant, plants, root, solve_legs, spread
+from footik_runtime.offline.stages import (
+    Array,
+    Cleaned,
+    CleanSettings,
+    Contacts,
+    Ground,
+    Plant,
+    Working,
+)
+from footik_runtime.offline.working import unpad, working
+from footik_runtime.rig import Rig, find_rig
+
+_FEWEST_FRAMES = 3
+
+
+def clean(
+    clip: Clip,
+    rig: Rig | None = None,
+    *,
+    settings: CleanSettings | None = None,
+    ground: Ground | None = None,
+) -> Cleaned:
+    """The clip without footskate, and what was found on the way.
+
+    Args:
+        clip: any clip with legs.
+        rig: its legs; found from names, else shape, by default.
+        settings: the defaults where None.
+        ground: true ground in the clip's frame; found from the plants where None.
+
+    Raises:
+        FootIKError: no legs are found, or the rig is of another skeleton.
+    """
+    settings = CleanSettings() if settings is None else settings
+    rig = find_rig(clip.skeleton) if rig is None else rig
+    if settings.preset == "footplant":
+        return footplant.clean(clip, rig)
+    work = working(clip, rig, settings=settings, ground=ground)
+    contacts = detect.of_clip(work, settings)
+    if len(clip) < _FEWEST_FRAMES:
+        return _untouched(clip, work, contacts)
+    found = plants.find(work, contacts, settings, ground)
+    paths = spread.spread(footing.poses(work, found, settings), work, found, settings)
+    root_moves = root.place(work, paths, settings)
+    rotations, translations, reached = solve_legs.solve(work, paths, root_moves, settings)
+    moves = unpad(work, root_moves).copy()
+    if work.pad:
+        moves[-1] = quat_arrays.rotate(_turn(clip), moves[0])
+    cleaned = _put_back(clip, work, moves, rotations, translations, settings)
+    return Cleaned(
+        clip=cleaned,
+        rig=work.rig,
+        contacts=_cropped(contacts, work),
+        plants=_within(found, work),
+        phases=unpad(work, plants.phases_of(found, contacts.foot.shape)),
+        root_moves=moves,
+        report=_report(work, contacts, found, moves, reached | ~paths.pinned),
+    )
+
+
+def _untouched(clip: Clip, work: Working, contacts: Contacts) -> Cleaned:
+    note = f"{len(clip)} frames are too few to clean"
+    still = np.zeros((len(clip), 3))
+    report = _report(work, contacts, (), still, np.ones((len(clip), len(work.rig.legs)), bool))
+    report["notes"].append(note)
+    return Cleaned(
+        clip=clip,
+        rig=work.rig,
+        contacts=contacts,
+        plants=(),
+        phases=contacts.phases(),
+        root_moves=still,
+        report=report,
+    )
+
+
+def _turn(clip: Clip) -> Array:
+    """(4,) what a loop's heading turns by in a cycle."""
+    return quat_arrays.about([0.0, 0.0, 1.0], np.array(clip.stride()[0]))
+
+
+def _put_back(
+    clip: Clip,
+    work: Working,
+    moves: Array,
+    rotations: Array,
+    translations: Array | None,
+    settings: CleanSettings,
+) -> Clip:
+    """The input with the root moved and the leg joints turned that differ from the working clip's.
+
+    Everything else is the input's to the last bit, so that files keep its digits.
+    """
+    turned, given = clip.rotations.copy(), work.clip
+    joints = [j for g in work.rig.legs for j in (g.hip, g.knee, g.ankle, g.toe) if j >= 0]
+    before, after = unpad(work, given.rotations)[:, joints], unpad(work, rotations)[:, joints]
+    if work.pad:
+        # The pads agree to rounding; a loop's last frame is its first again, exactly.
+        moved = (before[[0, -1]] != after[[0, -1]]).any(axis=(0, 2))
+        after = after.copy()
+        after[-1, moved] = after[0, moved]
+    changed = (before != after).any(axis=-1)
+    rows = turned[:, joints]
+    rows[changed] = after[changed]
+    turned[:, joints] = rows
+    offsets, lengths = moves, clip.translations
+    if translations is not None and translations is not given.translations:
+        lengths = unpad(work, translations)
+    if settings.level:
+        upright = quat_arrays.conj(work.back)
+        turned[:, 0] = quat_arrays.mul(upright, turned[:, 0])
+        roots = quat_arrays.rotate(upright, clip.root_positions) + offsets
+    else:
+        roots = clip.root_positions + quat_arrays.rotate(work.back, offsets)
+    return replace(clip, root_positions=roots, rotations=turned, translations=lengths)
+
+
+def _cropped(contacts: Contacts, work: Working) -> Contacts:
+    return replace(
+        contacts,
+        down=unpad(work, contacts.down),
+        confidence=unpad(work, contacts.confidence),
+        ground=unpad(work, contacts.ground),
+    )
+
+
+def _within(found: tuple[Plant, ...], work: Working) -> tuple[Plant, ...]:
+    """The plants that touch the clip's own frames, counted in them."""
+    inside = []
+    for plant in found:
+        if plant.stop <= work.pad or plant.start >= work.pad + work.frames:
+            continue
+        frames = (plant.start, plant.flat, plant.roll, plant.stop)
+        start, flat, roll, stop = (min(max(t - work.pad, 0), work.frames) for t in frames)
+        inside.append(replace(plant, start=start, flat=flat, roll=roll, stop=stop))
+    return tuple(inside)
+
+
+def _report(
+    work: Working,
+    contacts: Contacts,
+    found: tuple[Plant, ...],
+    moves: Array,
+    reached: NDArray[np.bool_],
+) -> dict[str, Any]:
+    """What was found and done, of what JSON holds."""
+    legs = [leg.name for leg in work.rig.legs]
+    down = unpad(work, contacts.foot)
+    largest = float(np.linalg.norm(moves, axis=-1).max()) if len(moves) else 0.0
+    return {
+        "contacts": {
+            "share": {n: float(down[:, f].mean()) for f, n in enumerate(legs)},
+            "noise_mm": 1000.0 * contacts.noise if math.isfinite(contacts.noise) else 0.0,
+            "smoothing_ms": 1000.0 * contacts.sigma,
+            "belt": [float(v) for v in contacts.belt],
+        },
+        "plants": [
+            {
+                "foot": legs[plant.foot],
+                "start": plant.start,
+                "flat": plant.flat,
+                "roll": plant.roll,
+                "stop": plant.stop,
+                "place": [float(v) for v in 0.5 * (plant.heel + plant.ball)],
+                "change_mm": 1000.0 * plant.change,
+            }
+            for plant in _within(found, work)
+        ],
+        "loop": work.pad > 0,
+        "root_largest_mm": 1000.0 * largest,
+        "unreached_frames": int((~unpad(work, reached)).any(axis=-1).sum()),
+        "notes": list(work.notes),
+    }

@@ -1,0 +1,343 @@
+"""Working: the clip as the offline rooms see it, levelled, travelling, and padded where it loops."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from footik_runtime import quat_arrays
+from footik_runtime.clip import Clip
+from footik_runtime.errors import FootIKError
+from footik_runtime.math3d import quat_between, quat_upright, rotate
+from footik_runtime.offline import detect
+from footik_runtime.offline.stages import Bools, CleanSettings, Contacts, Ground, Working
+from footik_runtime.phases import phase_curve, weight_curve
+from footik_runtime.rig import Leg, Rig, Sole, find_rig
+from footik_runtime.sole import BALL, HEEL, all_sole_points
+
+Array = NDArray[np.float64]
+_Values = TypeVar("_Values", bound=NDArray)
+
+# Of a body whose legs are 0.85 m long; lengths and speeds scale with the leg.
+_LEG = 0.85
+_STILL = 0.25  # m/s, of an ankle whose foot stands flat
+_ONE_FLOOR = 0.06  # m: feet that stand farther apart in height stand on different floors
+_UNEVEN = 0.03  # m: a floor less even than this is no tilted plane
+_MOST_TILT = math.radians(4.0)
+_LEAST_TILT = math.radians(0.05)
+_RIDGE = 0.15  # m: spread of the plants that says nothing about tilt
+_FEWEST_FLAT = 3  # frames that tell a sole
+_PADDING = 1.5  # s of the neighbouring cycles
+_SHORTEST_LOOP = 0.4  # s
+_SAME_TURN, _SAME_PLACE = math.radians(0.5), 0.001  # rad, m: a pose that has returned
+_UP = np.array([0.0, 0.0, 1.0])
+_IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Seen:
+    """A clip and the pose it makes, moved together."""
+
+    clip: Clip
+    rig: Rig
+    positions: Array
+    rotations: Array
+
+    def soles(self) -> Array:
+        """(T, F, 3, 3) heel, ball and tip of every foot, m."""
+        return all_sole_points(self.rig, self.positions, self.rotations)
+
+    def moved(self, shift: Array) -> _Seen:
+        """All of it moved by (T, 3), m."""
+        if not shift.any():
+            return self
+        return replace(
+            self,
+            clip=replace(self.clip, root_positions=self.clip.root_positions + shift),
+            positions=self.positions + shift[:, None],
+        )
+
+    def turned(self, turn: Array) -> _Seen:
+        """All of it turned by (4,) about the origin."""
+        if np.array_equal(turn, _IDENTITY):
+            return self
+        roots = quat_arrays.rotate(turn, self.clip.root_positions)
+        rotations = self.clip.rotations.copy()
+        rotations[:, 0] = quat_arrays.mul(turn, rotations[:, 0])
+        return replace(
+            self,
+            clip=replace(self.clip, root_positions=roots, rotations=rotations),
+            positions=quat_arrays.rotate(turn, self.positions),
+            rotations=quat_arrays.mul(turn, self.rotations),
+        )
+
+
+def working(
+    clip: Clip,
+    rig: Rig | None = None,
+    *,
+    settings: CleanSettings | None = None,
+    ground: Ground | None = None,
+) -> Working:
+    """The clip as cleanup sees it: off its belt, level, on the floor z = 0, soles fitted, padded.
+
+    A clip whose curves tell of every leg's contact keeps its floor, and with a phase for every leg
+    its soles too. On a given `ground` it stays where it is: that ground is in the clip's frame.
+    Raises FootIKError for a rig of another skeleton, and where no legs are found.
+    """
+    settings = CleanSettings() if settings is None else settings
+    rig = find_rig(clip.skeleton) if rig is None else rig
+    _require_same_skeleton(clip, rig)
+    scale = float(rig.leg_lengths.mean()) / _LEG
+    notes: list[str] = []
+    seen = _Seen(clip=clip, rig=rig, **_pose(clip))
+    soles = seen.soles()
+    back, raw = _IDENTITY, clip.root_positions
+    if len(clip) >= 3 and ground is None:
+        contacts = detect.contacts(
+            soles[:, :, :2], clip.fps, scale=scale, settings=settings.contact
+        )
+        seen = _off_belt(seen, soles, contacts, notes)
+        phased, weighted = _told(clip, rig) if not settings.redetect else (False, False)
+        if not phased:
+            upright = _IDENTITY if weighted else _upright(seen.soles(), contacts, scale, notes)
+            seen = seen.turned(upright)
+            back, raw = quat_arrays.conj(upright), quat_arrays.rotate(upright, raw)
+            seen, floor = _fitted(seen, contacts, scale)
+            seen = seen if weighted else seen.moved(np.broadcast_to(-floor * _UP, (len(clip), 3)))
+        soles = seen.soles()
+    shift = seen.clip.root_positions - raw
+    return _padded(seen, soles, scale, back, shift, notes)
+
+
+def unpad(work: Working, values: _Values) -> _Values:
+    """The rows of `values` (N, ...) that are the clip's own frames."""
+    return values[work.pad : work.pad + work.frames]
+
+
+def _pose(clip: Clip) -> dict[str, Array]:
+    positions, rotations = clip.model_pose()
+    return {"positions": positions, "rotations": rotations}
+
+
+def _require_same_skeleton(clip: Clip, rig: Rig) -> None:
+    if clip.skeleton.names != rig.skeleton.names:
+        raise FootIKError(
+            f"{clip.name}: the rig is of another skeleton ({len(rig.skeleton)} joints from "
+            f"{rig.skeleton.names[0]!r}, the clip {len(clip.skeleton)} from "
+            f"{clip.skeleton.names[0]!r})."
+        )
+
+
+def _told(clip: Clip, rig: Rig) -> tuple[bool, bool]:
+    """Whether curves give the phase of every leg, and whether at least every leg's contact."""
+    phased = [phase_curve(leg.name) in clip.curves for leg in rig.legs]
+    weighted = [weight_curve(leg.name) in clip.curves for leg in rig.legs]
+    return all(phased), all(p or w for p, w in zip(phased, weighted, strict=True))
+
+
+def _off_belt(seen: _Seen, soles: Array, contacts: Contacts, notes: list[str]) -> _Seen:
+    """The clip as it would travel on the ground, were the belt under its feet to stand."""
+    if not contacts.belt.any():
+        return seen
+    belt = _belt_speed(soles, contacts, seen.clip.fps)
+    speed = float(np.linalg.norm(belt))
+    notes.append(f"the feet stand on a belt: {speed:.2f} m/s against the root")
+    return seen.moved(-belt * seen.clip.times[:, None])
+
+
+def _belt_speed(soles: Array, contacts: Contacts, fps: float) -> Array:
+    """(3,) m/s: the median velocity of what is down, which is exact where feet stand still."""
+    down = contacts.down[1:] & contacts.down[:-1]
+    steps = np.diff(soles[:, :, :2], axis=0)[down] * fps
+    return np.median(steps, axis=0) if len(steps) else contacts.belt
+
+
+def _upright(soles: Array, contacts: Contacts, scale: float, notes: list[str]) -> Array:
+    """(4,) what takes the floor's tilt out, where the feet stood on one nearly level plane.
+
+    One point a plant: a long stand weighs as much as a step.
+    """
+    normal = _plane_normal(_stood(soles[:, :, BALL], contacts.down[..., 1]), scale)
+    tilt = math.acos(min(float(normal[2]), 1.0))
+    if tilt < _LEAST_TILT:
+        return _IDENTITY
+    notes.append(f"the floor's tilt of {math.degrees(tilt):.1f} degrees is taken out")
+    return np.array(quat_between(tuple(normal), (0.0, 0.0, 1.0)))
+
+
+def _stood(points: Array, down: Bools) -> Array:
+    """(K, 3) where points (T, F, 3) were while `down` (T, F), on average over each such time."""
+    places = []
+    for f in range(down.shape[1]):
+        edges = np.flatnonzero(np.diff(down[:, f], prepend=False, append=False))
+        places += [points[a:b, f].mean(axis=0) for a, b in edges.reshape(-1, 2)]
+    return np.array(places).reshape(-1, 3)
+
+
+def _plane_normal(points: Array, scale: float) -> Array:
+    """Normal of the nearly level plane through points (K, 3), or up where they make none."""
+    if len(points) < 3:
+        return _UP
+    centred = points - points.mean(axis=0)
+    # A walk says little about the tilt across its way: a ridge keeps that part small.
+    ridge = len(points) * (_RIDGE * scale) ** 2
+    flat = centred[:, :2]
+    slope = np.linalg.solve(flat.T @ flat + ridge * np.eye(2), flat.T @ centred[:, 2])
+    uneven = float((centred[:, 2] - flat @ slope).std())
+    if math.atan(np.linalg.norm(slope)) > _MOST_TILT or uneven > _UNEVEN * scale:
+        return _UP
+    normal = np.array([-slope[0], -slope[1], 1.0])
+    return normal / np.linalg.norm(normal)
+
+
+def _fitted(seen: _Seen, contacts: Contacts, scale: float) -> tuple[_Seen, float]:
+    """The rig with each sole flat where the foot stood flat on level ground, and the floor's height.
+
+    A rest pose seldom says how the foot lies on the ground; its stance in the clip does. On steep
+    ground it does not: there the soles stay. A foot that never stands keeps its own.
+    """
+    both = contacts.down.all(axis=-1)
+    ankles = seen.positions[:, [leg.ankle for leg in seen.rig.legs]]
+    speed = np.linalg.norm(np.gradient(ankles, axis=0), axis=-1) * seen.clip.fps
+    flat = both & (speed < _STILL * scale)
+    floors = np.full(len(seen.rig.legs), np.inf)
+    for i, leg in enumerate(seen.rig.legs):
+        if flat[:, i].sum() >= _FEWEST_FLAT:
+            floors[i] = float(np.median(ankles[flat[:, i], i, 2])) - leg.sole.height
+    lowest = float(floors.min())
+    if lowest == np.inf:
+        return seen, float(seen.soles()[..., 2].min())
+    stands = floors < lowest + _ONE_FLOOR * scale
+    legs = tuple(
+        replace(leg, sole=_fitted_sole(leg, seen.rotations[flat[:, i]])) if stands[i] else leg
+        for i, leg in enumerate(seen.rig.legs)
+    )
+    if not _on_steep_ground(seen.soles(), both):
+        seen = replace(seen, rig=replace(seen.rig, legs=legs))
+    return seen, float(floors[stands].mean())
+
+
+def _on_steep_ground(soles: Array, flat: Bools) -> bool:
+    """Whether plants climb as a slope does to which the soles lie more than to the level."""
+    middle = 0.5 * (soles[:, :, HEEL] + soles[:, :, BALL])
+    places = _stood(middle, flat)
+    along = soles[:, :, BALL] - soles[:, :, HEEL]
+    noses = _stood(along, flat)
+    if len(places) < 3:
+        return False
+    centred = places - places.mean(axis=0)
+    slope, *_ = np.linalg.lstsq(centred[:, :2], centred[:, 2], rcond=1e-3)
+    if math.atan(float(np.linalg.norm(slope))) < _MOST_TILT:
+        return False
+    wanted = noses[:, :2] @ slope
+    share = float(np.sum(noses[:, 2] * wanted) / max(float(np.sum(wanted * wanted)), 1e-12))
+    return share > 0.5
+
+
+def _fitted_sole(leg: Leg, rotations: Array) -> Sole:
+    """The sole whose frame is upright in these standing poses (N, J, 4)."""
+    foot = rotations[:, leg.ankle]
+    up = quat_arrays.rotate(quat_arrays.conj(foot), _UP).mean(axis=0)
+    frame = np.array(quat_upright(rotate(tuple(leg.sole.frame), (1.0, 0.0, 0.0)), tuple(up)))
+    if leg.toe < 0:
+        return replace(leg.sole, frame=frame)
+    lying = quat_arrays.mul(quat_arrays.conj(rotations[:, leg.toe]), quat_arrays.mul(foot, frame))
+    lying *= np.where(lying @ lying[0] < 0.0, -1.0, 1.0)[:, None]
+    return replace(leg.sole, frame=frame, toe_frame=quat_arrays.unit(lying.mean(axis=0)))
+
+
+def _padded(
+    seen: _Seen, soles: Array, scale: float, back: Array, shift: Array, notes: list[str]
+) -> Working:
+    """A loop with some of the cycles before and after it, so that its ends are like its middle."""
+    clip, pad = seen.clip, 0
+    positions, rotations = seen.positions, seen.rotations
+    if len(clip) > 1 and _loops(clip, scale, notes):
+        pad = min(len(clip) - 1, math.ceil(_PADDING * clip.fps))
+        yaw, step = clip.stride()
+        turn = quat_arrays.about(_UP, yaw)
+        positions = _around_points(positions, turn, step, pad)
+        soles = _around_points(soles, turn, step, pad)
+        rotations = _around(
+            rotations, pad, lambda q: _turned(turn, q), lambda q: _unturned(turn, q)
+        )
+        shift = _around(shift, pad, lambda s: s, lambda s: s)
+        clip = _around_clip(clip, turn, step, pad)
+    return Working(
+        clip=clip,
+        rig=seen.rig,
+        positions=positions,
+        rotations=rotations,
+        soles=soles,
+        scale=scale,
+        back=back,
+        shift=shift,
+        pad=pad,
+        frames=len(seen.clip),
+        notes=tuple(notes),
+    )
+
+
+def _loops(clip: Clip, scale: float, notes: list[str]) -> bool:
+    """Whether the clip says that it loops, or ends in the pose in which it began."""
+    if clip.loop:
+        return True
+    if clip.duration < _SHORTEST_LOOP:
+        return False
+    yaw, step = clip.stride()
+    ends = clip.rotations[[0, -1]]
+    first = quat_arrays.mul(quat_arrays.about(_UP, yaw), ends[0, :1])
+    apart = np.concatenate([quat_arrays.mul(quat_arrays.conj(first), ends[1, :1]),
+                            quat_arrays.mul(quat_arrays.conj(ends[0, 1:]), ends[1, 1:])])  # fmt: skip
+    if np.linalg.norm(quat_arrays.to_rotvec(apart), axis=-1).max() > _SAME_TURN:
+        return False
+    if abs(step[2]) > _SAME_PLACE * scale:
+        return False
+    notes.append("the last pose is the first again: cleaned as a loop")
+    return True
+
+
+def _turned(turn: Array, rotations: Array) -> Array:
+    return quat_arrays.mul(turn, rotations)
+
+
+def _unturned(turn: Array, rotations: Array) -> Array:
+    return quat_arrays.mul(quat_arrays.conj(turn), rotations)
+
+
+def _around_points(points: Array, turn: Array, step: Array, pad: int) -> Array:
+    """(T + 2 pad, ...) points (T, ..., 3) with those of the cycles around."""
+    return _around(
+        points,
+        pad,
+        lambda p: quat_arrays.rotate(turn, p) + step,
+        lambda p: quat_arrays.rotate(quat_arrays.conj(turn), p - step),
+    )
+
+
+def _around(values: Array, pad: int, later, earlier) -> Array:
+    """Values (T, ...) of a cycle with `pad` frames of its neighbours, seen one cycle on or back."""
+    last = len(values) - 1
+    before, after = values[last - pad : last], values[1 : 1 + pad]
+    return np.concatenate([earlier(before), values, later(after)])
+
+
+def _around_clip(clip: Clip, turn: Array, step: Array, pad: int) -> Clip:
+    same = lambda v: v  # noqa: E731
+    rotations = _around(clip.rotations, pad, same, same)
+    rotations[:pad, 0] = _unturned(turn, rotations[:pad, 0])
+    rotations[len(rotations) - pad :, 0] = _turned(turn, rotations[len(rotations) - pad :, 0])
+    moved = clip.translations
+    return replace(
+        clip,
+        root_positions=_around_points(clip.root_positions, turn, step, pad),
+        rotations=rotations,
+        translations=None if moved is None else _around(moved, pad, same, same),
+        curves={n: _around(np.asarray(v), pad, same, same) for n, v in clip.curves.items()},
+        loop=False,
+    )
