@@ -210,10 +210,13 @@ class Clip:
 
 def _continuous(rotations: Array, name: str) -> Array:
     """Unit quaternions whose sign never jumps between frames, so that components interpolate."""
-    lengths = np.linalg.norm(rotations, axis=-1, keepdims=True)
-    if (lengths < 1e-6).any():
-        frame, joint = np.argwhere(lengths[..., 0] < 1e-6)[0]
-        raise FootIKError(f"{name}: rotation of joint {joint} at frame {frame} has zero length.")
+    with np.errstate(over="ignore"):
+        lengths = np.linalg.norm(rotations, axis=-1, keepdims=True)
+    wrong = (lengths < 1e-6) | np.isinf(lengths)
+    if wrong.any():
+        frame, joint = np.argwhere(wrong[..., 0])[0]
+        what = "zero" if lengths[frame, joint, 0] < 1e-6 else "infinite"
+        raise FootIKError(f"{name}: rotation of joint {joint} at frame {frame} has {what} length.")
     # Leave what is unit already to the last bit: reading and writing again must not drift.
     unit = np.where(np.abs(lengths - 1.0) < 1e-12, rotations, rotations / lengths)
     turned = np.einsum("tjk,tjk->tj", unit[1:], unit[:-1]) < 0.0

@@ -175,6 +175,7 @@ def test_nan_names_frame_and_joint():
         ({"fps": math.inf}, "fps must be positive"),
         ({"root_positions": np.zeros((4, 3))}, r"root_positions must be \(5, 3\), not \(4, 3\)"),
         ({"rotations": np.zeros((5, 3, 4))}, "rotation of joint 0 at frame 0 has zero length"),
+        ({"rotations": np.full((5, 3, 4), 1e200)}, "rotation of joint 0 at frame 0 has infinite"),
         ({"curves": {"w": np.zeros(4)}}, "curve 'w' must have 5 values"),
     ],
 )

@@ -65,12 +65,18 @@ def read_table(path: str | os.PathLike[str]) -> Table:
         MemoryError,
         OverflowError,
     ) as error:
-        raise FootIKError(f"{path}: is broken: {error}.") from None
+        raise FootIKError(f"{path}: is broken: {_short(error)}.") from None
     except (zipfile.BadZipFile, zipfile.LargeZipFile, RuntimeError, SyntaxError) as error:
-        raise FootIKError(f"{path}: is no NumPy archive: {error}.") from None
+        raise FootIKError(f"{path}: is no NumPy archive: {_short(error)}.") from None
     except Exception as error:  # what zlib and its kin raise for damaged streams
-        raise FootIKError(f"{path}: is broken: {type(error).__name__}: {error}.") from None
+        raise FootIKError(f"{path}: is broken: {type(error).__name__}: {_short(error)}.") from None
     raise FootIKError(f"{path}: joint values are read from .npz or .csv files, not {suffix!r}.")
+
+
+def _short(error: Exception) -> str:
+    """An error's words, without the kilobytes of the file that some quote."""
+    words = str(error)
+    return words if len(words) <= 200 else words[:200] + "…"
 
 
 def _read_archive(path: str | os.PathLike[str]) -> dict[str, NDArray[Any]]:
@@ -84,7 +90,7 @@ def _read_archive(path: str | os.PathLike[str]) -> dict[str, NDArray[Any]]:
             name = member.filename.removesuffix(".npy")
             with archive.open(member) as stream:
                 content = stream.read(member.file_size)
-            arrays[name] = _read_array(content, f"{path}: array {name!r}")
+            arrays[name] = _read_array(content, f"{path}: array {name[:60]!r}")
     return arrays
 
 
