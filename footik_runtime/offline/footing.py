@@ -165,8 +165,8 @@ def _turn_at(t, held, frame, rotations, ankle):
 def _faded(t, low, high, left, right, fade, held, normal, frame, rotations, ankle):
     """The turn, as a rotation vector, of a foot on its heel or ball in frames low <= t < high.
 
-    That of the flat frames `left` and `right` of it (-1: none), of which the part about the ground's
-    normal lasts and the rest is gone after `fade` frames.
+    That of the flat frames `left` and `right` of it (-1: none), of which the turn about the
+    ground's normal lasts and the rest is gone after `fade` frames.
     """
     offset = (0.0, 0.0, 0.0)
     length = high - low

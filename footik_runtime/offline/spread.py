@@ -1,4 +1,4 @@
-"""Spread: what plants ask of a foot fades into the swings around, and no foot swings into the ground."""
+"""Spread: what plants ask of a foot fades into the swings around, which stay over ground."""
 
 from __future__ import annotations
 
@@ -68,9 +68,7 @@ def moved_soles(work: Working, paths: FootPaths) -> Array:
     return points
 
 
-def heights_under(
-    points: Array, plants: tuple[Plant, ...], ground: Ground | None = None
-) -> Array:
+def heights_under(points: Array, plants: tuple[Plant, ...], ground: Ground | None = None) -> Array:
     """(N, F, P) height of the ground under points (N, F, P, 3) of each foot, m.
 
     Without a given ground it is that of the plant the foot is in, and in a swing the lower of the
@@ -191,7 +189,9 @@ def _fill(values, pinned, foot, a, b, ease):
     both = norm(start) > 0.0 and norm(stop) > 0.0
     if not both and norm(start) + norm(stop) == 0.0:
         return
-    reach = gap if both and gap < 2.0 * ease else min(ease, gap) if a >= 0 and b < len(values) else ease
+    reach = (
+        gap if both and gap < 2.0 * ease else min(ease, gap) if a >= 0 and b < len(values) else ease
+    )
     leaving = _limited(start, leaving, reach)
     coming = _limited(stop, coming, reach)
     for t in range(a + 1, b):

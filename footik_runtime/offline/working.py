@@ -1,4 +1,4 @@
-"""Working: the clip as the offline rooms see it, levelled, travelling, and padded where it loops."""
+"""Working: the clip as the offline rooms see it: level, travelling, padded where it loops."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from footik_runtime.rig import Leg, Rig, Sole, find_rig
 from footik_runtime.sole import BALL, HEEL, all_sole_points
 
 Array = NDArray[np.float64]
-_Values = TypeVar("_Values", bound=NDArray)
+_T = TypeVar("_T", bound=np.generic)
 
 # Of a body whose legs are 0.85 m long; lengths and speeds scale with the leg.
 _LEG = 0.85
@@ -114,7 +114,7 @@ def working(
     return _padded(seen, soles, scale, back, shift, notes)
 
 
-def unpad(work: Working, values: _Values) -> _Values:
+def unpad(work: Working, values: NDArray[_T]) -> NDArray[_T]:
     """The rows of `values` (N, ...) that are the clip's own frames."""
     return values[work.pad : work.pad + work.frames]
 
@@ -196,12 +196,12 @@ def _plane_normal(points: Array, scale: float) -> Array:
 
 
 def _fitted(seen: _Seen, contacts: Contacts, scale: float) -> tuple[_Seen, float]:
-    """The rig with each sole flat where the foot stood flat on level ground, and the floor's height.
+    """The rig with each sole flat where its foot stood flat and level, and the floor's height.
 
     A rest pose seldom says how the foot lies on the ground; its stance in the clip does. On steep
     ground it does not: there the soles stay. A foot that never stands keeps its own.
     """
-    both = contacts.down.all(axis=-1)
+    both = np.asarray(contacts.down.all(axis=-1))
     ankles = seen.positions[:, [leg.ankle for leg in seen.rig.legs]]
     speed = np.linalg.norm(np.gradient(ankles, axis=0), axis=-1) * seen.clip.fps
     flat = both & (speed < _STILL * scale)
@@ -263,7 +263,9 @@ def _padded(
         turn = quat_arrays.about(_UP, yaw)
         positions = _around_points(positions, turn, step, pad)
         soles = _around_points(soles, turn, step, pad)
-        rotations = _around(rotations, pad, lambda q: _turned(turn, q), lambda q: _unturned(turn, q))
+        rotations = _around(
+            rotations, pad, lambda q: _turned(turn, q), lambda q: _unturned(turn, q)
+        )
         shift = _around(shift, pad, lambda s: s, lambda s: s)
         clip = _around_clip(clip, turn, step, pad)
     return Working(
@@ -290,8 +292,8 @@ def _loops(clip: Clip, scale: float, notes: list[str]) -> bool:
     yaw, step = clip.stride()
     ends = clip.rotations[[0, -1]]
     first = quat_arrays.mul(quat_arrays.about(_UP, yaw), ends[0, :1])
-    apart = np.concatenate([quat_arrays.mul(quat_arrays.conj(first), ends[1, :1]),
-                            quat_arrays.mul(quat_arrays.conj(ends[0, 1:]), ends[1, 1:])])  # fmt: skip
+    turned = np.concatenate([first, ends[0, 1:]])
+    apart = quat_arrays.mul(quat_arrays.conj(turned), ends[1])
     if np.linalg.norm(quat_arrays.to_rotvec(apart), axis=-1).max() > _SAME_TURN:
         return False
     if abs(step[2]) > _SAME_PLACE * scale:
