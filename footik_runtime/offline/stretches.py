@@ -249,12 +249,13 @@ def _way_between(soles, foot, a, b, phase):
 
 
 @compiled
-def _pinned_height(soles, foot, t, phase):
-    """Height of what is pinned at frame t, m."""
-    heel, ball = soles[t, foot, HEEL_POINT, 2], soles[t, foot, BALL_POINT, 2]
+def _rise(soles, foot, t, phase, heel, ball):
+    """How far what is pinned at frame t is over those heights of heel and ball, m."""
+    by_heel = soles[t, foot, HEEL_POINT, 2] - heel
+    by_ball = soles[t, foot, BALL_POINT, 2] - ball
     if phase == FLAT:
-        return 0.5 * (heel + ball)
-    return heel if phase == HEEL else ball
+        return max(by_heel, by_ball)
+    return by_heel if phase == HEEL else by_ball
 
 
 @compiled
@@ -270,29 +271,36 @@ def _release(soles, spans, stretches, fps, apart, leaves, lifted, most):
         while last < stretches.shape[0] and stretches[last, 0] == k:
             last += 1
         margin = (stop - start) // 5
-        usual, level, count = 0.0, 0.0, 0
+        usual, count = 0.0, 0
+        heel, heels, ball, balls = 0.0, 0, 0.0, 0
         for s in range(first, last):
             for t in range(
                 max(stretches[s, 1], start + margin), min(stretches[s, 4], stop - margin)
             ):
                 phase = phase_at(stretches, s, t)
                 usual += pinned_speed(soles, foot, t, start, stop, phase, fps)
-                level += _pinned_height(soles, foot, t, phase)
                 count += 1
-        highest = level / max(count, 1) + lifted if count else np.inf
+                if phase != BALL:
+                    heel, heels = heel + soles[t, foot, HEEL_POINT, 2], heels + 1
+                if phase != HEEL:
+                    ball, balls = ball + soles[t, foot, BALL_POINT, 2], balls + 1
+        # On a slope one is over the other; each is compared with itself alone.
+        heel = heel / heels if heels else np.inf
+        ball = ball / balls if balls else np.inf
         fastest = (leaves + _PER_USUAL * usual / max(count, 1)) * apart / fps
         longest = int(min(most, (stop - start) / 3.0))
         while stop - apart > start and spans[k, 2] - stop < longest:
             phase = phase_at(stretches, last - 1, stop - 1)
             way = _way_between(soles, foot, stop - 1 - apart, stop - 1, phase)
-            height = _pinned_height(soles, foot, stop - 1, phase)
-            if way <= fastest and height <= highest:
+            rise = _rise(soles, foot, stop - 1, phase, heel, ball)
+            if way <= fastest and rise <= lifted:
                 break
             stop -= 1
         while start + apart < stop and start - spans[k, 1] < longest:
             phase = phase_at(stretches, first, start)
             way = _way_between(soles, foot, start, start + apart, phase)
-            if way <= fastest and _pinned_height(soles, foot, start, phase) <= highest:
+            rise = _rise(soles, foot, start, phase, heel, ball)
+            if way <= fastest and rise <= lifted:
                 break
             start += 1
         spans[k, 1], spans[k, 2] = start, stop
