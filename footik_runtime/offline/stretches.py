@@ -19,12 +19,13 @@ Array = NDArray[np.float64]
 HEEL, FLAT, BALL = int(Phase.HEEL), int(Phase.FLAT), int(Phase.BALL)  # plain, for kernels
 
 # Of a body whose legs are 0.85 m long; lengths and speeds scale with the leg.
-_WINDOW = 0.08  # s within which a phase's ends are looked for
+_WINDOW = 0.15  # s within which a phase's ends are looked for
 _SHORTEST_PHASE = 0.05  # s: a foot that rocks back for less does not
 _PER_FRAME = 1e-4  # m of the pinned point's way that moving an end by a frame must save
-_LEAVES = 0.12  # m/s, over and above what it does in mid-contact: a point this fast is not held
-_PER_USUAL = 1.0
-_LIFTED = 0.010  # m over where it is in mid-contact: a point this high is not held
+_ARRIVES = 0.15  # m/s, over what it does in mid-contact: a foot that comes so fast does not stand
+_LEAVES = 0.30  # m/s, likewise: a point that goes so fast is not held
+_PER_USUAL = 1.0  # times what it does in mid-contact
+_LIFTED = 0.005  # m over where it is in mid-contact: a point that high does not stand yet
 _ROLLED = math.radians(2.5)  # pitch, off that of the flat foot, from which it turns over an end
 _STEPS = 0.25  # m/s, over twice what it does in all: a foot with both ends this fast goes away
 _NEW_PLACE = 0.025  # m: and does, where that brings it this far
@@ -49,7 +50,7 @@ def stretches(work: Working, contacts: Contacts, spans: Ints) -> tuple[Ints, Int
     apart = max(1, round(_BETWEEN * fps))
     _release(
         work.soles, spans, out, fps, apart,
-        _LEAVES * work.scale, _LIFTED * work.scale, _MOST_TRIMMED * fps,
+        _ARRIVES * work.scale, _LEAVES * work.scale, _LIFTED * work.scale, _MOST_TRIMMED * fps,
     )  # fmt: skip
     return spans, out
 
@@ -249,16 +250,20 @@ def _way_between(soles, foot, a, b, phase):
 
 
 @compiled
-def _pinned_height(soles, foot, t, phase):
-    """Height of what is pinned at frame t, m."""
-    heel, ball = soles[t, foot, HEEL_POINT, 2], soles[t, foot, BALL_POINT, 2]
-    if phase == FLAT:
-        return 0.5 * (heel + ball)
-    return heel if phase == HEEL else ball
+def _lifted(soles, foot, t, phase, heel_level, ball_level):
+    """How far what is pinned at frame t is over where it is in mid-contact, m.
+
+    A ball may: it is let go upwards, as its foot rolls over the toes.
+    """
+    heel = soles[t, foot, HEEL_POINT, 2] - heel_level
+    ball = soles[t, foot, BALL_POINT, 2] - ball_level
+    if phase == BALL:
+        return 0.0
+    return heel if phase == HEEL else 0.5 * (heel + ball)
 
 
 @compiled
-def _release(soles, spans, stretches, fps, apart, leaves, lifted, most):
+def _release(soles, spans, stretches, fps, apart, arrives, leaves, lifted, most):
     """Take off each contact's ends what still comes down, or already leaves.
 
     A foot that bears weight may move faster than one that can be held: its ball rolls off the tip.
@@ -270,29 +275,38 @@ def _release(soles, spans, stretches, fps, apart, leaves, lifted, most):
         while last < stretches.shape[0] and stretches[last, 0] == k:
             last += 1
         margin = (stop - start) // 5
-        usual, level, count = 0.0, 0.0, 0
+        usual, count = 0.0, 0
+        heel_level, ball_level, heels, balls = 0.0, 0.0, 0, 0
         for s in range(first, last):
             for t in range(
                 max(stretches[s, 1], start + margin), min(stretches[s, 4], stop - margin)
             ):
                 phase = phase_at(stretches, s, t)
                 usual += pinned_speed(soles, foot, t, start, stop, phase, fps)
-                level += _pinned_height(soles, foot, t, phase)
                 count += 1
-        highest = level / max(count, 1) + lifted if count else np.inf
-        fastest = (leaves + _PER_USUAL * usual / max(count, 1)) * apart / fps
+                if phase != BALL:
+                    heel_level += soles[t, foot, HEEL_POINT, 2]
+                    heels += 1
+                if phase != HEEL:
+                    ball_level += soles[t, foot, BALL_POINT, 2]
+                    balls += 1
+        heel_level = heel_level / heels if heels else np.inf
+        ball_level = ball_level / balls if balls else np.inf
+        usual *= _PER_USUAL / max(count, 1)
+        slowest, fastest = (arrives + usual) * apart / fps, (leaves + usual) * apart / fps
         longest = int(min(most, (stop - start) / 3.0))
         while stop - apart > start and spans[k, 2] - stop < longest:
             phase = phase_at(stretches, last - 1, stop - 1)
             way = _way_between(soles, foot, stop - 1 - apart, stop - 1, phase)
-            height = _pinned_height(soles, foot, stop - 1, phase)
-            if way <= fastest and height <= highest:
+            height = _lifted(soles, foot, stop - 1, phase, heel_level, ball_level)
+            if way <= fastest and height <= lifted:
                 break
             stop -= 1
         while start + apart < stop and start - spans[k, 1] < longest:
             phase = phase_at(stretches, first, start)
             way = _way_between(soles, foot, start, start + apart, phase)
-            if way <= fastest and _pinned_height(soles, foot, start, phase) <= highest:
+            height = _lifted(soles, foot, start, phase, heel_level, ball_level)
+            if way <= slowest and height <= lifted:
                 break
             start += 1
         spans[k, 1], spans[k, 2] = start, stop
