@@ -123,6 +123,7 @@ def _measure(
             direction = (direction[0], direction[1], 0.0)
         direction = unit(direction, (1.0, 0.0, 0.0))
         total, square, lever = 0.0, 0.0, 0.0
+        height, sure = 0.0, 0.0
         place = (0.0, 0.0, 0.0)
         origin = get3(soles[start, foot, BALL_POINT])
         usual = 3.0 * speed + stands
@@ -142,11 +143,16 @@ def _measure(
                 at = sub(at, origin)
                 place = add_scaled(place, at, weight)
                 total += weight
+                # A ball peels off the ground: what stands flat tells how high that is.
+                by_height = weight if phase == FLAT else _BY_FLAT * weight
+                height += by_height * at[2]
+                sure += by_height
                 lever += weight * (heel if phase == HEEL else -ball)
                 square += weight * at[2] * at[2]
         place = scale(place, 1.0 / total)
         wobble[k] = math.sqrt(max(square / total - place[2] * place[2], 0.0))
         ahead[k] = 0.0 if has_flat[k] else lever / total
+        place = (place[0], place[1], height / sure)
         for c in range(3):
             places[k, c] = origin[c] + place[c]
             places[k, c] -= ahead[k] * direction[c]
