@@ -249,7 +249,7 @@ def test_spans_tell_the_contacts(down):
 
 @pytest.mark.parametrize("size", [0.5, 2.0])
 def test_plants_scale_with_the_body(size):
-    """A body of twice the size, moving twice as far in the same frames, is held at twice the place."""
+    """A body twice the size, moving twice as far in the same frames, is held twice as far."""
     work, contacts = working_of(inject(FLAT, "constant", 0.03), RIG), contacts_of(FLAT.phases)
     legs = tuple(
         replace(
