@@ -207,7 +207,9 @@ def _fitted(seen: _Seen, contacts: Contacts, scale: float) -> tuple[_Seen, float
     speed = np.linalg.norm(np.gradient(ankles, axis=0), axis=-1) * seen.clip.fps
     flat = both & (speed < _STILL * scale)
     # The slower half: in the other the heel may be on its way up already.
-    usual = [np.median(speed[flat[:, i], i]) if flat[:, i].any() else 0.0 for i in range(len(flat[0]))]
+    usual = [
+        np.median(speed[flat[:, i], i]) if flat[:, i].any() else 0.0 for i in range(len(flat[0]))
+    ]
     flat &= speed <= np.array(usual)
     floors = np.full(len(seen.rig.legs), np.inf)
     for i, leg in enumerate(seen.rig.legs):
