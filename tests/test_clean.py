@@ -302,7 +302,7 @@ def test_same_input_same_bits():
 
 
 def test_levelled_clips_stand_on_level_ground():
-    tilt = qa.about([1.0, 0.0, 0.0], np.array(np.radians(1.5)))
+    tilt = qa.about([0.0, 1.0, 0.0], np.array(np.radians(1.5)))
     clip = inject(TRUTHS["walk", "flat"], "constant", 0.03)
     rotations = clip.rotations.copy()
     rotations[:, 0] = qa.mul(tilt, rotations[:, 0])

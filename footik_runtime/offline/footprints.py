@@ -18,6 +18,7 @@ from footik_runtime.sole import HEEL as HEEL_POINT
 Array = NDArray[np.float64]
 
 # Of a body whose legs are 0.85 m long; lengths and speeds scale with the leg.
+HOVERS = 0.0025  # m: a heel that comes down no higher than this stands
 _STANDS = 0.02  # m/s: a point this slow stands, however still the others are
 _MOST_TRIMMED = 0.10  # s off either end of a contact whose foot otherwise stands quite still
 _MOSTLY = 0.6  # of a contact's frames: a foot still in so many stands quite still
@@ -88,7 +89,8 @@ def still_ends(
     starts, stops = prints.spans[:, 1].copy(), prints.spans[:, 2].copy()
     parts = np.stack([prints.contact, prints.start, prints.flat, prints.roll, prints.stop], axis=1)
     most = math.ceil(_MOST_TRIMMED * prints.fps)
-    _trim(work.soles, prints.spans, parts, heels, balls, keep, most, change, starts, stops)
+    hovers = HOVERS * work.scale
+    _trim(work.soles, prints.spans, parts, heels, balls, keep, hovers, most, change, starts, stops)
     return change, starts, stops
 
 
@@ -121,6 +123,7 @@ def _measure(
             direction = (direction[0], direction[1], 0.0)
         direction = unit(direction, (1.0, 0.0, 0.0))
         total, square, lever = 0.0, 0.0, 0.0
+        height, sure = 0.0, 0.0
         place = (0.0, 0.0, 0.0)
         origin = get3(soles[start, foot, BALL_POINT])
         usual = 3.0 * speed + stands
@@ -140,11 +143,16 @@ def _measure(
                 at = sub(at, origin)
                 place = add_scaled(place, at, weight)
                 total += weight
+                # A ball peels off the ground: what stands flat tells how high that is.
+                by_height = weight if phase == FLAT else _BY_FLAT * weight
+                height += by_height * at[2]
+                sure += by_height
                 lever += weight * (heel if phase == HEEL else -ball)
                 square += weight * at[2] * at[2]
         place = scale(place, 1.0 / total)
         wobble[k] = math.sqrt(max(square / total - place[2] * place[2], 0.0))
         ahead[k] = 0.0 if has_flat[k] else lever / total
+        place = (place[0], place[1], height / sure)
         for c in range(3):
             places[k, c] = origin[c] + place[c]
             places[k, c] -= ahead[k] * direction[c]
@@ -153,15 +161,23 @@ def _measure(
 
 
 @compiled
-def _off(soles, foot, t, phase, heel, ball):
-    """How far the pinned points at frame t are from where they are held, m; the farther of two."""
-    by_heel = norm(sub(get3(soles[t, foot, HEEL_POINT]), heel)) if phase != BALL else 0.0
-    by_ball = norm(sub(get3(soles[t, foot, BALL_POINT]), ball)) if phase != HEEL else 0.0
-    return max(by_heel, by_ball)
+def _off(soles, foot, t, phase, heel, ball, hovers):
+    """How far the pinned points at frame t are from where they are held, m; the farther of two.
+
+    A ball alone may be over the ground, and a heel alone a little: they are let come and go.
+    """
+    by_heel = sub(get3(soles[t, foot, HEEL_POINT]), heel)
+    by_ball = sub(get3(soles[t, foot, BALL_POINT]), ball)
+    if phase == BALL:
+        return norm((by_ball[0], by_ball[1], min(by_ball[2], 0.0)))
+    if phase == HEEL:
+        over = by_heel[2] if by_heel[2] < 0.0 else max(by_heel[2] - hovers, 0.0)
+        return norm((by_heel[0], by_heel[1], over))
+    return max(norm(by_heel), norm(by_ball))
 
 
 @compiled
-def _trim(soles, spans, parts, heels, balls, keep, most, change, starts, stops):
+def _trim(soles, spans, parts, heels, balls, keep, hovers, most, change, starts, stops):
     first = 0
     for k in range(spans.shape[0]):
         foot, start, stop = spans[k, 0], spans[k, 1], spans[k, 2]
@@ -170,7 +186,7 @@ def _trim(soles, spans, parts, heels, balls, keep, most, change, starts, stops):
         still, low, high = 0, stop, start
         while last < parts.shape[0] and parts[last, 0] == k:
             for t in range(parts[last, 1], parts[last, 4]):
-                off = _off(soles, foot, t, phase_at(parts, last, t), heel, ball)
+                off = _off(soles, foot, t, phase_at(parts, last, t), heel, ball, hovers)
                 if off < keep:
                     still += 1
                     low, high = min(low, t), max(high, t + 1)
@@ -179,6 +195,6 @@ def _trim(soles, spans, parts, heels, balls, keep, most, change, starts, stops):
             starts[k], stops[k] = low, high
         for s in range(first, last):
             for t in range(max(parts[s, 1], starts[k]), min(parts[s, 4], stops[k])):
-                off = _off(soles, foot, t, phase_at(parts, s, t), heel, ball)
+                off = _off(soles, foot, t, phase_at(parts, s, t), heel, ball, hovers)
                 change[k] = max(change[k], off)
         first = last

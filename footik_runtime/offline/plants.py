@@ -118,7 +118,7 @@ def found_ground(prints: Footprints, scale: float, snap: bool = True) -> FoundGr
     wobble = float(np.median(prints.wobble))
     uneven = min(_UNEVEN * scale, max(_MADE * scale, _PER_WOBBLE * wobble))
     places = prints.places
-    plane = _level_plane(places, uneven) or _slope(prints, scale, uneven)
+    plane = _level_plane(prints, uneven) or _slope(prints, scale, uneven)
     if snap and plane is not None:
         height, slope = plane
         normal = quat_arrays.unit(np.array([-slope[0], -slope[1], 1.0]))
@@ -128,11 +128,13 @@ def found_ground(prints: Footprints, scale: float, snap: bool = True) -> FoundGr
     return FoundGround(kind="per plant", heights=heights, normals=_own_normals(prints))
 
 
-def _level_plane(points: Array, uneven: float) -> tuple[float, Array] | None:
-    height = 0.5 * float(points[:, 2].min() + points[:, 2].max())
-    if np.abs(points[:, 2] - height).max() > uneven:
+def _level_plane(prints: Footprints, uneven: float) -> tuple[float, Array] | None:
+    """Height of the level plane through the footprints, as the flat ones tell it, or None."""
+    heights = prints.places[:, 2]
+    if np.ptp(heights) > 2.0 * uneven:
         return None
-    return float(points[:, 2].mean()), np.zeros(2)
+    sure = prints.has_flat if prints.has_flat.any() else np.ones(len(heights), dtype=bool)
+    return float(heights[sure].mean()), np.zeros(2)
 
 
 def _slope(prints: Footprints, scale: float, uneven: float) -> tuple[float, Array] | None:

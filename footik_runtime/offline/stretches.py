@@ -19,12 +19,13 @@ Array = NDArray[np.float64]
 HEEL, FLAT, BALL = int(Phase.HEEL), int(Phase.FLAT), int(Phase.BALL)  # plain, for kernels
 
 # Of a body whose legs are 0.85 m long; lengths and speeds scale with the leg.
-_WINDOW = 0.08  # s within which a phase's ends are looked for
+_WINDOW = 0.15  # s within which a phase's ends are looked for
 _SHORTEST_PHASE = 0.05  # s: a foot that rocks back for less does not
 _PER_FRAME = 1e-4  # m of the pinned point's way that moving an end by a frame must save
-_LEAVES = 0.12  # m/s, over and above what it does in mid-contact: a point this fast is not held
-_PER_USUAL = 1.0
-_LIFTED = 0.010  # m over where it is in mid-contact: a point this high is not held
+_ARRIVES = 0.15  # m/s, over what it does in mid-contact: a foot that comes so fast does not stand
+_LEAVES = 0.30  # m/s, likewise: a point that goes so fast is not held
+_PER_USUAL = 1.0  # times what it does in mid-contact
+_LIFTED = 0.005  # m over where it is in mid-contact: a point that high does not stand yet
 _ROLLED = math.radians(2.5)  # pitch, off that of the flat foot, from which it turns over an end
 _STEPS = 0.25  # m/s, over twice what it does in all: a foot with both ends this fast goes away
 _NEW_PLACE = 0.025  # m: and does, where that brings it this far
@@ -49,7 +50,7 @@ def stretches(work: Working, contacts: Contacts, spans: Ints) -> tuple[Ints, Int
     apart = max(1, round(_BETWEEN * fps))
     _release(
         work.soles, spans, out, fps, apart,
-        _LEAVES * work.scale, _LIFTED * work.scale, _MOST_TRIMMED * fps,
+        _ARRIVES * work.scale, _LEAVES * work.scale, _LIFTED * work.scale, _MOST_TRIMMED * fps,
     )  # fmt: skip
     return spans, out
 
@@ -249,17 +250,20 @@ def _way_between(soles, foot, a, b, phase):
 
 
 @compiled
-def _rise(soles, foot, t, phase, heel, ball):
-    """How far what is pinned at frame t is over those heights of heel and ball, m."""
-    by_heel = soles[t, foot, HEEL_POINT, 2] - heel
-    by_ball = soles[t, foot, BALL_POINT, 2] - ball
-    if phase == FLAT:
-        return max(by_heel, by_ball)
-    return by_heel if phase == HEEL else by_ball
+def _lifted(soles, foot, t, phase, heel_level, ball_level):
+    """How far what is pinned at frame t is over where it is in mid-contact, m.
+
+    A ball may: it is let go upwards, as its foot rolls over the toes.
+    """
+    heel = soles[t, foot, HEEL_POINT, 2] - heel_level
+    ball = soles[t, foot, BALL_POINT, 2] - ball_level
+    if phase == BALL:
+        return 0.0
+    return heel if phase == HEEL else 0.5 * (heel + ball)
 
 
 @compiled
-def _release(soles, spans, stretches, fps, apart, leaves, lifted, most):
+def _release(soles, spans, stretches, fps, apart, arrives, leaves, lifted, most):
     """Take off each contact's ends what still comes down, or already leaves.
 
     A foot that bears weight may move faster than one that can be held: its ball rolls off the tip.
@@ -272,7 +276,7 @@ def _release(soles, spans, stretches, fps, apart, leaves, lifted, most):
             last += 1
         margin = (stop - start) // 5
         usual, count = 0.0, 0
-        heel, heels, ball, balls = 0.0, 0, 0.0, 0
+        heel_level, ball_level, heels, balls = 0.0, 0.0, 0, 0
         for s in range(first, last):
             for t in range(
                 max(stretches[s, 1], start + margin), min(stretches[s, 4], stop - margin)
@@ -281,26 +285,28 @@ def _release(soles, spans, stretches, fps, apart, leaves, lifted, most):
                 usual += pinned_speed(soles, foot, t, start, stop, phase, fps)
                 count += 1
                 if phase != BALL:
-                    heel, heels = heel + soles[t, foot, HEEL_POINT, 2], heels + 1
+                    heel_level += soles[t, foot, HEEL_POINT, 2]
+                    heels += 1
                 if phase != HEEL:
-                    ball, balls = ball + soles[t, foot, BALL_POINT, 2], balls + 1
-        # On a slope one is over the other; each is compared with itself alone.
-        heel = heel / heels if heels else np.inf
-        ball = ball / balls if balls else np.inf
-        fastest = (leaves + _PER_USUAL * usual / max(count, 1)) * apart / fps
+                    ball_level += soles[t, foot, BALL_POINT, 2]
+                    balls += 1
+        heel_level = heel_level / heels if heels else np.inf
+        ball_level = ball_level / balls if balls else np.inf
+        usual *= _PER_USUAL / max(count, 1)
+        slowest, fastest = (arrives + usual) * apart / fps, (leaves + usual) * apart / fps
         longest = int(min(most, (stop - start) / 3.0))
         while stop - apart > start and spans[k, 2] - stop < longest:
             phase = phase_at(stretches, last - 1, stop - 1)
             way = _way_between(soles, foot, stop - 1 - apart, stop - 1, phase)
-            rise = _rise(soles, foot, stop - 1, phase, heel, ball)
-            if way <= fastest and rise <= lifted:
+            height = _lifted(soles, foot, stop - 1, phase, heel_level, ball_level)
+            if way <= fastest and height <= lifted:
                 break
             stop -= 1
         while start + apart < stop and start - spans[k, 1] < longest:
             phase = phase_at(stretches, first, start)
             way = _way_between(soles, foot, start, start + apart, phase)
-            rise = _rise(soles, foot, start, phase, heel, ball)
-            if way <= fastest and rise <= lifted:
+            height = _lifted(soles, foot, start, phase, heel_level, ball_level)
+            if way <= slowest and height <= lifted:
                 break
             start += 1
         spans[k, 1], spans[k, 2] = start, stop

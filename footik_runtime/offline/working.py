@@ -162,7 +162,8 @@ def _upright(soles: Array, contacts: Contacts, scale: float, notes: list[str]) -
 
     One point a plant: a long stand weighs as much as a step.
     """
-    normal = _plane_normal(_stood(soles[:, :, BALL], contacts.down[..., 1]), scale)
+    places = _stood(soles[:, :, BALL], np.asarray(contacts.down.all(axis=-1)))
+    normal = _plane_normal(places, scale)
     tilt = math.acos(min(float(normal[2]), 1.0))
     if tilt < _LEAST_TILT:
         return _IDENTITY
@@ -205,6 +206,11 @@ def _fitted(seen: _Seen, contacts: Contacts, scale: float) -> tuple[_Seen, float
     ankles = seen.positions[:, [leg.ankle for leg in seen.rig.legs]]
     speed = np.linalg.norm(np.gradient(ankles, axis=0), axis=-1) * seen.clip.fps
     flat = both & (speed < _STILL * scale)
+    # The slower half: in the other the heel may be on its way up already.
+    usual = [
+        np.median(speed[flat[:, i], i]) if flat[:, i].any() else 0.0 for i in range(len(flat[0]))
+    ]
+    flat &= speed <= np.array(usual)
     floors = np.full(len(seen.rig.legs), np.inf)
     for i, leg in enumerate(seen.rig.legs):
         if flat[:, i].sum() >= _FEWEST_FLAT:
