@@ -43,7 +43,7 @@ def lowered_walk():
 def test_feet_and_toes_come_to_their_goals_exactly():
     rng = np.random.default_rng(3)
     frames = len(WALK)
-    moves = rng.uniform(-0.02, 0.02, (frames, 2, 3)) + [0.0, 0.0, 0.04]
+    moves = [*rng.uniform(-0.02, 0.02, (frames, 2, 3)), 0.0, 0.0, 0.04]
     turns = rng.uniform(-0.5, 0.5, (frames, 2, 3))
     toe_turns = rng.uniform(-0.5, 0.5, (frames, 2, 3))
     root = rng.uniform(-0.01, 0.01, (frames, 3))
@@ -51,7 +51,8 @@ def test_feet_and_toes_come_to_their_goals_exactly():
     rotations, translations, reached = solve(
         work, paths(frames, 2, moves, turns, toe_turns), root, SETTINGS
     )
-    assert translations is None and reached.all()
+    assert translations is None
+    assert reached.all()
     positions, world = pose_after(WALK, rotations, None, root)
     for f, leg in enumerate(RIG.legs):
         goal = work.positions[:, leg.ankle] + moves[:, f]
@@ -165,11 +166,14 @@ def test_bones_stretch_only_as_far_as_allowed():
     moves[:, 0] = line * (1.005 * length[:, 0] - extension[:, 0])[:, None]
     still = np.zeros((frames, 3))
     _, none, reached = solve(work, paths(frames, 2, moves), still, SETTINGS)
-    assert none is None and not reached[:, 0].any() and reached[:, 1].all()
+    assert none is None
+    assert not reached[:, 0].any()
+    assert reached[:, 1].all()
     rotations, longer, reached = solve(
         work, paths(frames, 2, moves), still, CleanSettings(stretch=0.02)
     )
-    assert reached.all() and longer is not None
+    assert reached.all()
+    assert longer is not None
     positions, _ = pose_after(WALK, rotations, longer, still)
     stretched, _ = leg_spans(RIG, positions)
     assert (stretched[:, 0] / length[:, 0]).max() < 1.02

@@ -54,11 +54,11 @@ def clean(
     if settings.preset == "footplant":
         return footplant.clean(clip, rig)
     work = working(clip, rig, settings=settings, ground=ground)
-    contacts = detect.of_clip(work, settings)
     if len(clip) < _FEWEST_FRAMES:
-        return _untouched(clip, work, contacts)
+        return _untouched(clip, work)
+    contacts = detect.of_clip(work, settings)
     found = plants.find(work, contacts, settings, ground)
-    paths = spread.spread(footing.poses(work, found, settings), work, found, settings)
+    paths = spread.spread(footing.poses(work, found, settings), work, found, settings, ground)
     root_moves = root.place(work, paths, settings)
     rotations, translations, reached = solve_legs.solve(work, paths, root_moves, settings)
     moves = unpad(work, root_moves).copy()
@@ -77,11 +77,20 @@ def clean(
     )
 
 
-def _untouched(clip: Clip, work: Working, contacts: Contacts) -> Cleaned:
-    note = f"{len(clip)} frames are too few to clean"
+def _untouched(clip: Clip, work: Working) -> Cleaned:
+    """A clip that is too short to tell a contact, as it is."""
+    work = replace(work, pad=0)
+    points = (len(clip), len(work.rig.legs), 2)
+    contacts = Contacts(
+        fps=clip.fps,
+        down=np.zeros(points, dtype=bool),
+        confidence=np.zeros(points),
+        ground=np.zeros(points),
+        belt=np.zeros(3),
+    )
     still = np.zeros((len(clip), 3))
-    report = _report(work, contacts, (), still, np.ones((len(clip), len(work.rig.legs)), bool))
-    report["notes"].append(note)
+    report = _report(work, contacts, (), still, np.ones(points[:2], dtype=bool))
+    report["notes"].append(f"{len(clip)} frames are too few to clean")
     return Cleaned(
         clip=clip,
         rig=work.rig,

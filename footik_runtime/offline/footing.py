@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from footik_runtime.compiled import compiled
 from footik_runtime.inertia import smooth_step
 from footik_runtime.math3d import (
+    UP,
     add,
     add_scaled,
     clamp,
@@ -28,6 +29,7 @@ from footik_runtime.math3d import (
     sub,
     unit,
 )
+from footik_runtime.offline.footprints import HOVERS
 from footik_runtime.offline.stages import CleanSettings, FootPaths, Plant, Working
 from footik_runtime.sole import BALL, HEEL
 
@@ -36,8 +38,7 @@ Array = NDArray[np.float64]
 _FADE = 0.12  # s, at most, over which a foot turns back to its own pitch after lying flat
 _NOTHING = 1e-9  # m and rad: smaller offsets are none
 # Of a body whose legs are 0.85 m long.
-_PEELS = 0.008  # m over the height it was held at from which a ball leaves the ground as it did
-_HOVERS = 0.0025  # m: a heel comes down no higher than this
+_PEELS = 0.008  # m over its lowest from which a ball leaves the ground as it did
 _TOUCHES = 0.002  # m: toes are this near the ground while the ball peels off it
 
 
@@ -107,17 +108,17 @@ def _pose_plants(
             peeled = 0.0
             if t < flat or t >= roll:
                 point, pin = (HEEL, heel) if t < flat else (BALL, ball)
-                over = dot(sub(get3(soles[t, foot, point]), pin), normal)
+                over = dot(sub(get3(soles[t, foot, point]), pin), normal) / normal[2]
                 lowest = min(lowest, over)
                 peeled = _peeled(over - lowest, _PEELS * size)
                 if t < flat:
                     # Nothing else of the foot is down yet.
-                    most = _HOVERS * size
+                    most = HOVERS * size
                     peeled = most * (1.0 - math.exp(-peeled / most))
             if t < roll:
-                goal = sub(add_scaled(heel, normal, peeled), rotate(wanted, under_heel))
+                goal = sub(add_scaled(heel, UP, peeled), rotate(wanted, under_heel))
             else:
-                goal = sub(add_scaled(ball, normal, peeled), rotate(wanted, under_ball))
+                goal = sub(add_scaled(ball, UP, peeled), rotate(wanted, under_ball))
             set3(moves[t, foot], _or_nothing(sub(goal, get3(positions[t, ankle]))))
             turn = _or_nothing(quat_to_rotvec(quat_mul(wanted, quat_conj(given))))
             set3(turns[t, foot], turn)
@@ -165,8 +166,8 @@ def _turn_at(t, held, frame, rotations, ankle):
 def _faded(t, low, high, left, right, fade, held, normal, frame, rotations, ankle):
     """The turn, as a rotation vector, of a foot on its heel or ball in frames low <= t < high.
 
-    That of the flat frames `left` and `right` of it (-1: none), of which the part about the ground's
-    normal lasts and the rest is gone after `fade` frames.
+    That of the flat frames `left` and `right` of it (-1: none), of which the turn about the
+    ground's normal lasts and the rest is gone after `fade` frames.
     """
     offset = (0.0, 0.0, 0.0)
     length = high - low

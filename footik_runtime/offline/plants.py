@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footik_runtime import quat_arrays
-from footik_runtime.offline.footprints import Footprints, footprints, stands, still_ends
+from footik_runtime.offline.footprints import Footprints, footprints, still_ends
 from footik_runtime.offline.stages import (
     Bools,
     CleanSettings,
@@ -19,6 +19,7 @@ from footik_runtime.offline.stages import (
     Plant,
     Working,
 )
+from footik_runtime.offline.stretches import stands
 from footik_runtime.phases import Phase
 
 Array = NDArray[np.float64]
@@ -38,7 +39,7 @@ _UP = np.array([0.0, 0.0, 1.0])
 class FoundGround:
     """What each contact stands on, told from all of them.
 
-    kind: "given", "plane" or "per plant". heights: (K,) m under the middle of each footprint.
+    kind: "given", "plane" or "per plant". heights: (K,) m under each footprint's place.
     normals: (K, 3) unit.
     """
 
@@ -117,7 +118,7 @@ def found_ground(prints: Footprints, scale: float, snap: bool = True) -> FoundGr
     wobble = float(np.median(prints.wobble))
     uneven = min(_UNEVEN * scale, max(_MADE * scale, _PER_WOBBLE * wobble))
     places = prints.places
-    plane = _level_plane(places, uneven) or _slope(prints, scale, uneven)
+    plane = _level_plane(prints, uneven) or _slope(prints, scale, uneven)
     if snap and plane is not None:
         height, slope = plane
         normal = quat_arrays.unit(np.array([-slope[0], -slope[1], 1.0]))
@@ -127,21 +128,23 @@ def found_ground(prints: Footprints, scale: float, snap: bool = True) -> FoundGr
     return FoundGround(kind="per plant", heights=heights, normals=_own_normals(prints))
 
 
-def _level_plane(places: Array, uneven: float) -> tuple[float, Array] | None:
-    height = 0.5 * float(places[:, 2].min() + places[:, 2].max())
-    if np.abs(places[:, 2] - height).max() > uneven:
+def _level_plane(prints: Footprints, uneven: float) -> tuple[float, Array] | None:
+    """Height of the level plane through the footprints, as the flat ones tell it, or None."""
+    heights = prints.places[:, 2]
+    if np.ptp(heights) > 2.0 * uneven:
         return None
-    return float(places[:, 2].mean()), np.zeros(2)
+    sure = prints.has_flat if prints.has_flat.any() else np.ones(len(heights), dtype=bool)
+    return float(heights[sure].mean()), np.zeros(2)
 
 
 def _slope(prints: Footprints, scale: float, uneven: float) -> tuple[float, Array] | None:
     """Height at the origin and slope (2,) of the plane through the footprints, or None."""
-    places = prints.places
-    middle = places.mean(axis=0)
-    centred = places - middle
-    spreads, axes = np.linalg.eigh(centred[:, :2].T @ centred[:, :2] / len(places))
+    points = prints.places
+    middle = points.mean(axis=0)
+    centred = points - middle
+    spreads, axes = np.linalg.eigh(centred[:, :2].T @ centred[:, :2] / len(points))
     told = spreads > (_NARROW * scale) ** 2
-    along = axes.T @ (centred[:, :2].T @ centred[:, 2]) / len(places)
+    along = axes.T @ (centred[:, :2].T @ centred[:, 2]) / len(points)
     slope = axes @ np.where(told, along / np.where(told, spreads, 1.0), 0.0)
     if np.abs(centred[:, 2] - centred[:, :2] @ slope).max() > uneven:
         return None
@@ -200,6 +203,7 @@ def _held(
     along = quat_arrays.unit(along)
     middle = prints.places.copy()
     middle[:, 2] = found.heights
+    middle += prints.ahead[:, None] * along
     heels, balls = middle - heel[:, None] * along, middle + ball[:, None] * along
     if ground is None:
         return heels, balls, normals

@@ -8,7 +8,7 @@ zero on average over each contact, for of a slide nobody can tell where in it th
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -52,9 +52,7 @@ class Truth:
     phases: Ints
     soles: Array
     height: Callable[[Array], Array]
-    normal: Callable[[Array], Array] = field(
-        default=lambda p: np.tile([0.0, 0.0, 1.0], (len(p), 1))
-    )
+    normal: Callable[[Array], Array]
 
     def places(self, foot: int) -> list[tuple[int, int, Array]]:
         """(start, stop, place (3,)) of each contact: the middle of heel and ball while flat."""
@@ -272,7 +270,8 @@ class _Steps:
         return cls(lifts=lifts, ramp=ramp, edges=0.5 * (middles[1:] + middles[:-1]), rise=rise)
 
     def height(self, points: Array) -> Array:
-        return self.rise * np.searchsorted(self.edges, np.asarray(points)[:, 0])
+        steps = np.searchsorted(self.edges, np.asarray(points)[:, 0])
+        return self.rise * steps.astype(np.float64)
 
 
 def _climb(lifts: Array) -> None:

@@ -1,4 +1,4 @@
-"""Spread: what plants ask of a foot fades into the swings around, and no foot swings into the ground."""
+"""Spread: what plants ask of a foot fades into the swings around, which stay over ground."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Working: the clip as the offline rooms see it, levelled, travelling, and padded where it loops."""
+"""Working: the clip as the offline rooms see it: level, travelling, padded where it loops."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from footik_runtime.rig import Leg, Rig, Sole, find_rig
 from footik_runtime.sole import BALL, HEEL, all_sole_points
 
 Array = NDArray[np.float64]
-_Values = TypeVar("_Values", bound=NDArray)
+_T = TypeVar("_T", bound=np.generic)
 
 # Of a body whose legs are 0.85 m long; lengths and speeds scale with the leg.
 _LEG = 0.85
@@ -114,7 +114,7 @@ def working(
     return _padded(seen, soles, scale, back, shift, notes)
 
 
-def unpad(work: Working, values: _Values) -> _Values:
+def unpad(work: Working, values: NDArray[_T]) -> NDArray[_T]:
     """The rows of `values` (N, ...) that are the clip's own frames."""
     return values[work.pad : work.pad + work.frames]
 
@@ -162,7 +162,8 @@ def _upright(soles: Array, contacts: Contacts, scale: float, notes: list[str]) -
 
     One point a plant: a long stand weighs as much as a step.
     """
-    normal = _plane_normal(_stood(soles[:, :, BALL], contacts.down[..., 1]), scale)
+    places = _stood(soles[:, :, BALL], np.asarray(contacts.down.all(axis=-1)))
+    normal = _plane_normal(places, scale)
     tilt = math.acos(min(float(normal[2]), 1.0))
     if tilt < _LEAST_TILT:
         return _IDENTITY
@@ -196,15 +197,20 @@ def _plane_normal(points: Array, scale: float) -> Array:
 
 
 def _fitted(seen: _Seen, contacts: Contacts, scale: float) -> tuple[_Seen, float]:
-    """The rig with each sole flat where the foot stood flat on level ground, and the floor's height.
+    """The rig with each sole flat where its foot stood flat and level, and the floor's height.
 
     A rest pose seldom says how the foot lies on the ground; its stance in the clip does. On steep
     ground it does not: there the soles stay. A foot that never stands keeps its own.
     """
-    both = contacts.down.all(axis=-1)
+    both = np.asarray(contacts.down.all(axis=-1))
     ankles = seen.positions[:, [leg.ankle for leg in seen.rig.legs]]
     speed = np.linalg.norm(np.gradient(ankles, axis=0), axis=-1) * seen.clip.fps
     flat = both & (speed < _STILL * scale)
+    # The slower half: in the other the heel may be on its way up already.
+    usual = [
+        np.median(speed[flat[:, i], i]) if flat[:, i].any() else 0.0 for i in range(len(flat[0]))
+    ]
+    flat &= speed <= np.array(usual)
     floors = np.full(len(seen.rig.legs), np.inf)
     for i, leg in enumerate(seen.rig.legs):
         if flat[:, i].sum() >= _FEWEST_FLAT:
@@ -292,8 +298,8 @@ def _loops(clip: Clip, scale: float, notes: list[str]) -> bool:
     yaw, step = clip.stride()
     ends = clip.rotations[[0, -1]]
     first = quat_arrays.mul(quat_arrays.about(_UP, yaw), ends[0, :1])
-    apart = np.concatenate([quat_arrays.mul(quat_arrays.conj(first), ends[1, :1]),
-                            quat_arrays.mul(quat_arrays.conj(ends[0, 1:]), ends[1, 1:])])  # fmt: skip
+    turned = np.concatenate([first, ends[0, 1:]])
+    apart = quat_arrays.mul(quat_arrays.conj(turned), ends[1])
     if np.linalg.norm(quat_arrays.to_rotvec(apart), axis=-1).max() > _SAME_TURN:
         return False
     if abs(step[2]) > _SAME_PLACE * scale:
