@@ -80,17 +80,13 @@ def test_plants_keep_what_they_ask_and_swings_fade_to_nothing():
 )
 @settings(max_examples=60)
 def test_no_fade_swings_out_far(offset, velocity):
-    paths = paths_of({(20, 50): (offset, velocity)})
+    # Pinned for so short that the velocity is what counts.
+    paths = paths_of({(40, 44): (offset, velocity)})
     out = faded(paths).moves[:, 0]
-    for edge in (out[20], out[49]):
-        size = np.linalg.norm(edge)
-        side = out[50:] if edge is out[49] else out[:20]
-        assert np.isfinite(side).all()
-    after, edge = out[50:], out[49]
-    assert np.linalg.norm(after, axis=-1).max() <= 1.3 * np.linalg.norm(edge) + 1e-12
-    before, edge = out[:20], out[20]
-    size = np.linalg.norm(edge)
-    assert np.linalg.norm(before, axis=-1).max() <= 1.3 * size + 1e-12
+    assert np.isfinite(out).all()
+    for side, edge in ((out[:40], out[40]), (out[44:], out[43])):
+        most = 1.25 * np.linalg.norm(edge) + 1e-12
+        assert np.linalg.norm(side, axis=-1).max() <= most
 
 
 def test_a_short_swing_goes_over_from_plant_to_plant():

@@ -58,7 +58,7 @@ def clean(
         return _untouched(clip, work)
     contacts = detect.of_clip(work, settings)
     found = plants.find(work, contacts, settings, ground)
-    paths = spread.spread(footing.poses(work, found, settings), work, found, settings)
+    paths = spread.spread(footing.poses(work, found, settings), work, found, settings, ground)
     root_moves = root.place(work, paths, settings)
     rotations, translations, reached = solve_legs.solve(work, paths, root_moves, settings)
     moves = unpad(work, root_moves).copy()
