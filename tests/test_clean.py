@@ -2,6 +2,7 @@ import os
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -116,7 +117,7 @@ class Figures:
         self.outside = float(self.turns[~contact].mean()) * share
         lengths = [
             np.linalg.norm(p[:, 1:] - p[:, clip.skeleton.parents[1:]], axis=-1)
-            for p in (self.before.joints, self.after.joints)
+            for p in (joints(before), joints(after))
         ]
         self.longer = float(np.abs(lengths[1] - lengths[0]).max())
 
@@ -253,7 +254,7 @@ def test_in_place_clips_stay_in_place():
 
 def test_true_ground_is_used():
     truth = TRUTHS["walk", "stairs"]
-    ground = SimpleNamespace(height=lambda p: truth.height(p) + 0.01, normal=truth.normal)
+    ground: Any = SimpleNamespace(height=lambda p: truth.height(p) + 0.01, normal=truth.normal)
     cleaned = clean(truth.clip, RIG, ground=ground)
     for plant in cleaned.plants:
         assert abs(plant.heel[2] - ground.height(plant.heel[None])[0]) < 1e-9

@@ -22,7 +22,7 @@ def paths(frames, legs=2, moves=None, turns=None, toe_turns=None):
     still = np.zeros((frames, legs, 3))
     given = [still.copy() if v is None else v for v in (moves, turns, toe_turns)]
     return FootPaths(
-        moves=given[0], turns=given[1], toe_turns=given[2], pinned=given[0].any(axis=-1)
+        moves=given[0], turns=given[1], toe_turns=given[2], pinned=np.asarray(given[0].any(axis=-1))
     )
 
 
