@@ -322,6 +322,10 @@ def test_levelled_clips_stand_on_level_ground():
         spans.append(np.ptp(soles[cleaned.phases == Phase.FLAT][:, :2, 2]))
     assert spans[0] > 0.002
     assert spans[1] < 0.002
+    # Both are the same motion, turned as the roots' rotations tell.
+    upright = qa.mul(level.clip.rotations[0, 0], qa.conj(as_given.clip.rotations[0, 0]))
+    turned = qa.rotate(upright, joints(as_given.clip))
+    assert np.abs(turned - joints(level.clip)).max() < 1e-9
     same = [j for j in range(1, len(RIG.skeleton))]
     assert np.abs(as_given.clip.rotations[:, same] - level.clip.rotations[:, same]).max() < 1e-12
 
