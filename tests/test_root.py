@@ -93,6 +93,14 @@ def test_feet_out_of_all_reach_leave_the_body_near():
     assert np.linalg.norm(root, axis=-1).max() < 0.5 * RIG.leg_lengths.mean()
 
 
+def test_the_root_goes_where_the_feet_go_rather_than_down():
+    moves = np.zeros((len(WALK), 2, 3))
+    moves[10:50] = [0.0, 0.45, 0.0]
+    root = place(WORK, paths(moves), CleanSettings(root_follow=0.0))
+    assert root[20:40, 1].mean() > 0.02
+    assert lacks(WORK, moves, root).max() < 1e-9
+
+
 def test_stretch_spares_the_root():
     moves = np.zeros((len(WALK), 2, 3))
     moves[10:40] = [0.0, 0.0, -0.01]

@@ -64,7 +64,7 @@ def test_slides_are_zero_on_average_and_along_the_ground(kind, ground):
     for f in range(2):
         for start, stop in runs(truth.phases[:, f] != Phase.SWING):
             assert np.linalg.norm(moved[start:stop, f].mean(axis=0)) < 1e-9
-            if kind == "constant":
+            if kind == "constant" and stop - start > 1:
                 step = np.linalg.norm(np.diff(moved[start:stop, f], axis=0)[:, :2], axis=-1)
                 assert step.sum() == pytest.approx(0.02, rel=1e-6)
     turned = (clip.rotations != truth.clip.rotations).any(axis=(0, 2))

@@ -22,7 +22,7 @@ def paths(frames, legs=2, moves=None, turns=None, toe_turns=None):
     still = np.zeros((frames, legs, 3))
     given = [still.copy() if v is None else v for v in (moves, turns, toe_turns)]
     return FootPaths(
-        moves=given[0], turns=given[1], toe_turns=given[2], pinned=given[0].any(axis=-1)
+        moves=given[0], turns=given[1], toe_turns=given[2], pinned=np.asarray(given[0].any(axis=-1))
     )
 
 
@@ -43,7 +43,7 @@ def lowered_walk():
 def test_feet_and_toes_come_to_their_goals_exactly():
     rng = np.random.default_rng(3)
     frames = len(WALK)
-    moves = [*rng.uniform(-0.02, 0.02, (frames, 2, 3)), 0.0, 0.0, 0.04]
+    moves = rng.uniform(-0.02, 0.02, (frames, 2, 3)) + np.array([0.0, 0.0, 0.04])
     turns = rng.uniform(-0.5, 0.5, (frames, 2, 3))
     toe_turns = rng.uniform(-0.5, 0.5, (frames, 2, 3))
     root = rng.uniform(-0.01, 0.01, (frames, 3))

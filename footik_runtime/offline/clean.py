@@ -130,7 +130,9 @@ def _put_back(
         after[-1, moved] = after[0, moved]
     changed = (before != after).any(axis=-1)
     rows = turned[:, joints]
-    rows[changed] = after[changed]
+    # A padded clip may have the other sign of the same rotations.
+    signs = np.where(np.sum(rows[changed] * after[changed], axis=-1) < 0.0, -1.0, 1.0)
+    rows[changed] = signs[:, None] * after[changed]
     turned[:, joints] = rows
     offsets, lengths = moves, clip.translations
     if translations is not None and translations is not given.translations:
