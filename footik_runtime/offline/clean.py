@@ -73,6 +73,7 @@ def clean(
         phases=unpad(work, plants.phases_of(found, contacts.foot.shape)),
         root_moves=moves,
         work=work,
+        ground=ground,
         report=_report(work, contacts, found, moves, reached | ~paths.pinned),
     )
 

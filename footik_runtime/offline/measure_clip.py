@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 from footik_runtime import quat_arrays
 from footik_runtime.clip import Clip
 from footik_runtime.metrics import score
+from footik_runtime.offline.spread import heights_under
 from footik_runtime.offline.stages import Cleaned
 from footik_runtime.offline.working import unpad
-from footik_runtime.phases import Phase
 from footik_runtime.recorded import Run
-from footik_runtime.rig import Rig
 from footik_runtime.sole import BALL, all_sole_points
 
 Array = NDArray[np.float64]
@@ -24,12 +23,8 @@ BEFORE, AFTER = "before", "after"
 
 def runs(before: Clip, cleaned: Cleaned) -> dict[str, Run]:
     """The clip before and after cleanup as runs on the ground that was found, levelled."""
-    ground = ground_of(cleaned)
     clips = {BEFORE: before, AFTER: cleaned.clip}
-    return {
-        name: run_of(as_worked(clip, cleaned), cleaned.rig, cleaned.phases, ground)
-        for name, clip in clips.items()
-    }
+    return {name: run_of(as_worked(clip, cleaned), cleaned) for name, clip in clips.items()}
 
 
 def compare(before: Clip, cleaned: Cleaned) -> dict[str, dict[str, float]]:
@@ -50,27 +45,14 @@ def as_worked(clip: Clip, cleaned: Cleaned) -> Clip:
     return replace(clip, root_positions=roots, rotations=rotations)
 
 
-def ground_of(cleaned: Cleaned) -> Array:
-    """(T, F, 3) height under heel, ball and tip: of the plant that holds a frame, or the nearest."""
-    frames, feet = cleaned.phases.shape
-    height = np.concatenate(
-        [cleaned.contacts.ground, cleaned.contacts.ground[..., 1:]], axis=-1
-    ).copy()
-    for plant in cleaned.plants:
-        held = plant.heel[2], plant.ball[2], plant.ball[2]
-        height[plant.start : plant.stop, plant.foot] = held
-    for foot in range(feet):
-        known = np.flatnonzero(cleaned.phases[:, foot] != Phase.SWING)
-        if len(known):
-            after = np.clip(np.searchsorted(known, np.arange(frames)), 0, len(known) - 1)
-            before = np.maximum(after - 1, 0)
-            near = np.arange(frames) - known[before] < known[after] - np.arange(frames)
-            height[:, foot] = height[np.where(near, known[before], known[after]), foot]
-    return height
+def ground_of(cleaned: Cleaned, soles: Array) -> Array:
+    """(T, F, 3) height under sole points (T, F, 3, 3): of the true ground, or of the plants'."""
+    return heights_under(soles, cleaned.plants, cleaned.ground)
 
 
-def run_of(clip: Clip, rig: Rig, phases: NDArray, ground: Array) -> Run:
-    """A clip as a `Run`, with phases (T, F) and ground under heel, ball and tip (T, F, 3)."""
+def run_of(clip: Clip, cleaned: Cleaned) -> Run:
+    """A clip as a `Run`, with the contacts and the ground that cleanup found."""
+    rig = cleaned.rig
     positions, turns = clip.model_pose()
     soles = all_sole_points(rig, positions, turns)
     has_toes = all(leg.toe >= 0 for leg in rig.legs)
@@ -84,8 +66,8 @@ def run_of(clip: Clip, rig: Rig, phases: NDArray, ground: Array) -> Run:
         ankle=positions[:, chains[:, 2]],
         toe=positions[:, chains[:, 3]] if has_toes else soles[:, :, BALL],
         sole=soles,
-        ground=ground,
-        phase=phases.astype(np.int64),
+        ground=ground_of(cleaned, soles),
+        phase=cleaned.phases.astype(np.int64),
         joints=positions,
         stretch=_stretch(clip, positions, chains),
     )

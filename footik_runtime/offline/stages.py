@@ -219,7 +219,8 @@ class Working:
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Cleaned:
     """clip: the result. contacts, plants, phases: in its own frames. root_moves: (T, 3) m.
-    work: the clip as cleanup saw it, before it; None for the preset "footplant".
+    work: the clip as cleanup saw it, before it; None for the preset "footplant". ground: the true
+    one, where it was given.
 
     report: what was found and done, of numbers, strings, lists and dicts alone.
     """
@@ -231,4 +232,5 @@ class Cleaned:
     phases: NDArray[np.int8]
     root_moves: Array
     work: Working | None = None
+    ground: Ground | None = None
     report: dict[str, Any] = field(default_factory=dict)
