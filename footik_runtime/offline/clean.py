@@ -62,7 +62,7 @@ def clean(
     root_moves = root.place(work, paths, settings)
     rotations, translations, reached = solve_legs.solve(work, paths, root_moves, settings)
     moves = unpad(work, root_moves).copy()
-    if work.pad:
+    if work.pad and work.closed:
         moves[-1] = quat_arrays.rotate(_turn(clip), moves[0])
     cleaned = _put_back(clip, work, moves, rotations, translations, settings)
     return Cleaned(
@@ -124,7 +124,7 @@ def _put_back(
     turned, given = clip.rotations.copy(), work.clip
     joints = [j for g in work.rig.legs for j in (g.hip, g.knee, g.ankle, g.toe) if j >= 0]
     before, after = unpad(work, given.rotations)[:, joints], unpad(work, rotations)[:, joints]
-    if work.pad:
+    if work.pad and work.closed:
         # The pads agree to rounding; a loop's last frame is its first again, exactly.
         moved = (before[[0, -1]] != after[[0, -1]]).any(axis=(0, 2))
         after = after.copy()

@@ -17,10 +17,9 @@ from footik_runtime.formats.gltf import read_animations
 from footik_runtime.gait import run as run_gait
 from footik_runtime.gait import walk as walk_gait
 from footik_runtime.offline.clean import clean
-from footik_runtime.offline.measure_clip import AFTER, BEFORE, runs
+from footik_runtime.offline.measure_clip import AFTER, BEFORE, PINNED, compare, runs
 from footik_runtime.offline.skate import GROUNDS, Truth, inject, true_walk
 from footik_runtime.offline.stages import Cleaned
-from footik_runtime.metrics import score
 from footik_runtime.phases import Phase
 from footik_runtime.recorded import Run
 from footik_runtime.rig import Rig, find_rig
@@ -101,16 +100,16 @@ def score_case(case: Case) -> dict[str, float]:
     from where its foot truly stood.
     """
     done = clean(case.clip, case.rig)
-    made = runs(case.clip, done)
+    made, told = runs(case.clip, done), compare(case.clip, done)
     before, after = made[BEFORE], made[AFTER]
-    was, now = score(before, before), score(after, before)
+    was, now = told[BEFORE], told[AFTER]
     outside = _outside(before, after, done)
     share = outside.shape[-1] / len(case.clip.skeleton)
     outside_leg = float(outside.mean()) if outside.size else 0.0
     heights = after.sole[..., 2] - after.ground
     contact = done.phases != Phase.SWING
     lowest = heights.min(axis=-1)
-    speed, left = was["pinned_point_speed"], now["pinned_point_speed"]
+    speed, left = was[PINNED], now[PINNED]
     places, joints = case.clip.model_pose()[0], done.clip.model_pose()[0]
     return {
         "before": speed,

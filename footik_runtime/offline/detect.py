@@ -9,7 +9,7 @@ the smoothing.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -104,15 +104,21 @@ def contacts(
 
 
 def of_clip(work: Working, settings: CleanSettings) -> Contacts:
-    """Contacts of a working clip: from its phase curves, or from its soles' motion and pitch."""
+    """Contacts of a working clip: from its phase curves, or from its soles' motion and pitch.
+
+    Its belt is out already.
+    """
     names = [phase_curve(leg.name) for leg in work.rig.legs]
     if not settings.redetect and all(name in work.clip.curves for name in names):
         return _told(work, names)
     found = contacts(
-        work.soles[:, :, :2], work.clip.fps, scale=work.scale, settings=settings.contact
+        work.soles[:, :, :2],
+        work.clip.fps,
+        scale=work.scale,
+        settings=replace(settings.contact, belt="none"),
     )
     _roll(found.down, _pitch(work))
-    return found
+    return replace(found, belt=work.belt)
 
 
 def _too_short(points: Array, fps: float) -> Contacts:

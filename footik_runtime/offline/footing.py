@@ -111,6 +111,10 @@ def _pose_plants(
                 over = dot(sub(get3(soles[t, foot, point]), pin), normal) / normal[2]
                 lowest = min(lowest, over)
                 peeled = _peeled(over - lowest, _PEELS * size)
+                if t >= roll:
+                    # Over toes that stay on the ground: no higher than they take it.
+                    steep = -dot(rotate(wanted, (1.0, 0.0, 0.0)), normal)
+                    peeled = min(peeled, lengths[foot, 3] * max(steep, 0.0))
                 if t < flat:
                     # Nothing else of the foot is down yet.
                     most = HOVERS * size

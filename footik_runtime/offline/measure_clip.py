@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from footik_runtime import quat_arrays
 from footik_runtime.clip import Clip
+from footik_runtime.measures import pinned_point_speed
 from footik_runtime.metrics import score
 from footik_runtime.offline.spread import heights_under
 from footik_runtime.offline.stages import Cleaned
@@ -19,6 +20,7 @@ from footik_runtime.sole import BALL, all_sole_points
 Array = NDArray[np.float64]
 
 BEFORE, AFTER = "before", "after"
+PINNED = "pinned_point_speed"
 
 
 def runs(before: Clip, cleaned: Cleaned) -> dict[str, Run]:
@@ -28,9 +30,15 @@ def runs(before: Clip, cleaned: Cleaned) -> dict[str, Run]:
 
 
 def compare(before: Clip, cleaned: Cleaned) -> dict[str, dict[str, float]]:
-    """Every measure that applies, before and after; what compares, compares with before."""
+    """Every measure that applies, before and after; what compares, compares with before.
+
+    The pinned point's speed is that between the clip's own frames: no resampling rounds its stops.
+    """
     made = runs(before, cleaned)
-    return {name: score(run, made[BEFORE]) for name, run in made.items()}
+    return {
+        name: score(run, made[BEFORE]) | {PINNED: pinned_point_speed(run)}
+        for name, run in made.items()
+    }
 
 
 def as_worked(clip: Clip, cleaned: Cleaned) -> Clip:

@@ -166,6 +166,7 @@ def working_of(clip: Clip, rig: Rig) -> Working:
         scale=float(rig.leg_lengths.mean()) / _LEG,
         back=np.array([1.0, 0.0, 0.0, 0.0]),
         shift=np.zeros((len(clip), 3)),
+        belt=np.zeros(3),
         pad=0,
         frames=len(clip),
     )

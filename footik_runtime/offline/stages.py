@@ -200,7 +200,8 @@ class Working:
 
     positions (N,J,3), rotations (N,J,4): model pose; soles (N,F,3,3) heel, ball, tip; N = T + 2
     pad. shift (N,3): what was added to the input's (levelled) root to take belt and floor height
-    out.
+    out. belt: (3,) m/s of what the feet stood on. closed: a padded clip's last frame is its first
+    again; without, that would be the next one.
     """
 
     clip: Clip
@@ -211,8 +212,10 @@ class Working:
     scale: float
     back: Array
     shift: Array
+    belt: Array
     pad: int
     frames: int
+    closed: bool = True
     notes: tuple[str, ...] = ()
 
 

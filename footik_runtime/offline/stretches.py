@@ -26,6 +26,7 @@ _ARRIVES = 0.15  # m/s, over what it does in mid-contact: a foot that comes so f
 _LEAVES = 0.30  # m/s, likewise: a point that goes so fast is not held
 _PER_USUAL = 1.0  # times what it does in mid-contact
 _LIFTED = 0.005  # m over where it is in mid-contact: a point that high does not stand yet
+_LEVEL = math.radians(1.5)  # pitch, off that of the flat foot, of one that is level still
 _ROLLED = math.radians(2.5)  # pitch, off that of the flat foot, from which it turns over an end
 _STEPS = 0.25  # m/s, over twice what it does in all: a foot with both ends this fast goes away
 _NEW_PLACE = 0.025  # m: and does, where that brings it this far
@@ -160,12 +161,15 @@ def _refine(soles, spans, stretches, window, per_frame):
         if flat >= roll:
             continue
         foot = spans[k, 0]
+        first, last = _level_within(soles, foot, flat, roll)
         if flat > start or start == spans[k, 1]:
             low, high = max(start, flat - window), min(roll - 1, flat + window)
             flat = _least(soles, foot, low, flat, high, HEEL_POINT, per_frame)
         if roll < stop or stop == spans[k, 2]:
             low, high = max(flat + 1, roll - window), min(stop, roll + window)
             roll = _least(soles, foot, low, roll, high, BALL_POINT, per_frame)
+        # A level foot that goes up or down does so as a whole, not over its heel or ball.
+        flat, roll = min(flat, first), max(roll, last)
         stretches[s, 2], stretches[s, 3] = _while_level(soles, foot, flat, roll)
 
 
@@ -177,15 +181,47 @@ def _pitch(soles, foot, t):
 
 
 @compiled
+def _usual_pitch(soles, foot, flat, roll):
+    """The mean pitch of the middle third of flat frames, rad."""
+    third = (roll - flat) // 3
+    usual = 0.0
+    for t in range(flat + third, roll - third):
+        usual += _pitch(soles, foot, t) / (roll - flat - 2 * third)
+    return usual
+
+
+@compiled
+def _level_within(soles, foot, flat, roll):
+    """First frame and frame after the last, around the middle of flat ones, of a level foot.
+
+    Both its ends move: one that turns over an end is level for a while, too.
+    """
+    usual = _usual_pitch(soles, foot, flat, roll)
+    first = last = (flat + roll) // 2
+    while first > flat and _is_level(soles, foot, first - 1, first, usual, HEEL_POINT):
+        first -= 1
+    while last < roll and _is_level(soles, foot, last, last, usual, BALL_POINT):
+        last += 1
+    return first, last
+
+
+@compiled
+def _is_level(soles, foot, t, after, usual, pivot):
+    """Whether a foot is level at t, and moves into frame `after` by its pivot as by its other end.
+    """
+    other = HEEL_POINT if pivot == BALL_POINT else BALL_POINT
+    if abs(_pitch(soles, foot, t) - usual) > _LEVEL:
+        return False
+    return after == 0 or _way(soles, after, foot, other) < 2.0 * _way(soles, after, foot, pivot)
+
+
+@compiled
 def _while_level(soles, foot, flat, roll):
     """Of flat frames, those between a nose that comes down and a heel that goes up.
 
     A heel leaves the ground long before it is fast: then the foot would be turned back a lot.
     """
-    third = (roll - flat) // 3
-    usual = 0.0
-    for t in range(flat + third, roll - third):
-        usual += _pitch(soles, foot, t) / (roll - flat - 2 * third)
+    usual = _usual_pitch(soles, foot, flat, roll)
     while flat + 1 < roll and _pitch(soles, foot, flat) - usual > _ROLLED:
         flat += 1
     while flat + 1 < roll and _pitch(soles, foot, roll - 1) - usual < -_ROLLED:

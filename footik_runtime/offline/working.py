@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
@@ -14,6 +15,7 @@ from footik_runtime.clip import Clip
 from footik_runtime.errors import FootIKError
 from footik_runtime.math3d import quat_between, quat_upright, rotate
 from footik_runtime.offline import detect
+from footik_runtime.offline.filters import runs
 from footik_runtime.offline.stages import Bools, CleanSettings, Contacts, Ground, Working
 from footik_runtime.phases import phase_curve, weight_curve
 from footik_runtime.rig import Leg, Rig, Sole, find_rig
@@ -94,24 +96,42 @@ def working(
     _require_same_skeleton(clip, rig)
     scale = float(rig.leg_lengths.mean()) / _LEG
     notes: list[str] = []
+    frames = len(clip)
+    clip, pad, closed = _padded(clip, scale, notes)
     seen = _Seen(clip=clip, rig=rig, **_pose(clip))
     soles = seen.soles()
-    back, raw = _IDENTITY, clip.root_positions
-    if len(clip) >= 3 and ground is None:
+    back, raw, belt = _IDENTITY, clip.root_positions, np.zeros(3)
+    if frames >= 3 and ground is None:
         contacts = detect.contacts(
             soles[:, :, :2], clip.fps, scale=scale, settings=settings.contact
         )
-        seen = _off_belt(seen, soles, contacts, notes)
+        if contacts.belt.any():
+            belt = _belt_speed(soles, contacts, clip.fps, notes)
+            seen = seen.moved(-belt * (clip.times[:, None] - pad / clip.fps))
         phased, weighted = _told(clip, rig) if not settings.redetect else (False, False)
         if not phased:
             upright = _IDENTITY if weighted else _upright(seen.soles(), contacts, scale, notes)
             seen = seen.turned(upright)
             back, raw = quat_arrays.conj(upright), quat_arrays.rotate(upright, raw)
             seen, floor = _fitted(seen, contacts, scale)
-            seen = seen if weighted else seen.moved(np.broadcast_to(-floor * _UP, (len(clip), 3)))
+            if not weighted:
+                seen = seen.moved(np.broadcast_to(-floor * _UP, raw.shape))
         soles = seen.soles()
-    shift = seen.clip.root_positions - raw
-    return _padded(seen, soles, scale, back, shift, notes)
+    return Working(
+        clip=seen.clip,
+        rig=seen.rig,
+        positions=seen.positions,
+        rotations=seen.rotations,
+        soles=soles,
+        scale=scale,
+        back=back,
+        shift=seen.clip.root_positions - raw,
+        belt=belt,
+        pad=pad,
+        frames=frames,
+        closed=closed,
+        notes=tuple(notes),
+    )
 
 
 def unpad(work: Working, values: NDArray[_T]) -> NDArray[_T]:
@@ -140,21 +160,26 @@ def _told(clip: Clip, rig: Rig) -> tuple[bool, bool]:
     return all(phased), all(p or w for p, w in zip(phased, weighted, strict=True))
 
 
-def _off_belt(seen: _Seen, soles: Array, contacts: Contacts, notes: list[str]) -> _Seen:
-    """The clip as it would travel on the ground, were the belt under its feet to stand."""
-    if not contacts.belt.any():
-        return seen
-    belt = _belt_speed(soles, contacts, seen.clip.fps)
-    speed = float(np.linalg.norm(belt))
-    notes.append(f"the feet stand on a belt: {speed:.2f} m/s against the root")
-    return seen.moved(-belt * seen.clip.times[:, None])
+def _belt_speed(soles: Array, contacts: Contacts, fps: float, notes: list[str]) -> Array:
+    """(3,) m/s: the median velocity of what is down, which is exact where feet stand still.
+
+    It goes up or down where every contact does: on an inclined belt.
+    """
+    down = np.asarray(contacts.down[1:] & contacts.down[:-1])
+    steps = np.diff(soles[:, :, :2], axis=0) * fps
+    belt = np.median(steps[down], axis=0) if down.any() else contacts.belt.copy()
+    climbs = [steps[at, f, p, 2].mean() for f, p, at in _each_run(down)]
+    if not climbs or abs(np.mean(climbs)) < 3.0 * np.std(climbs):
+        belt[2] = 0.0
+    notes.append(f"the feet stand on a belt: {np.linalg.norm(belt):.2f} m/s against the root")
+    return belt
 
 
-def _belt_speed(soles: Array, contacts: Contacts, fps: float) -> Array:
-    """(3,) m/s: the median velocity of what is down, which is exact where feet stand still."""
-    down = contacts.down[1:] & contacts.down[:-1]
-    steps = np.diff(soles[:, :, :2], axis=0)[down] * fps
-    return np.median(steps, axis=0) if len(steps) else contacts.belt
+def _each_run(down: Bools) -> Iterator[tuple[int, int, slice]]:
+    """Foot, point and frames of each time that a point of (T, F, P) is down."""
+    for foot, point in np.ndindex(*down.shape[1:]):
+        for start, stop in runs(down[:, foot, point]):
+            yield foot, point, slice(start, stop)
 
 
 def _upright(soles: Array, contacts: Contacts, scale: float, notes: list[str]) -> Array:
@@ -257,55 +282,71 @@ def _fitted_sole(leg: Leg, rotations: Array) -> Sole:
     return replace(leg.sole, frame=frame, toe_frame=quat_arrays.unit(lying.mean(axis=0)))
 
 
-def _padded(
-    seen: _Seen, soles: Array, scale: float, back: Array, shift: Array, notes: list[str]
-) -> Working:
-    """A loop with some of the cycles before and after it, so that its ends are like its middle."""
-    clip, pad = seen.clip, 0
-    positions, rotations = seen.positions, seen.rotations
-    if len(clip) > 1 and _loops(clip, scale, notes):
-        pad = min(len(clip) - 1, math.ceil(_PADDING * clip.fps))
-        yaw, step = clip.stride()
-        turn = quat_arrays.about(_UP, yaw)
-        positions = _around_points(positions, turn, step, pad)
-        soles = _around_points(soles, turn, step, pad)
-        rotations = _around(
-            rotations, pad, lambda q: _turned(turn, q), lambda q: _unturned(turn, q)
-        )
-        shift = _around(shift, pad, lambda s: s, lambda s: s)
-        clip = _around_clip(clip, turn, step, pad)
-    return Working(
-        clip=clip,
-        rig=seen.rig,
-        positions=positions,
-        rotations=rotations,
-        soles=soles,
-        scale=scale,
-        back=back,
-        shift=shift,
-        pad=pad,
-        frames=len(seen.clip),
-        notes=tuple(notes),
-    )
+def _padded(clip: Clip, scale: float, notes: list[str]) -> tuple[Clip, int, bool]:
+    """A loop with some of the cycles before and after it, so that its ends are like its middle.
+
+    Returns it with how many frames there are on either side, and whether its last is its first
+    again. Whatever is told from the motion is told from all of them: a cycle in place is too short
+    to tell its belt.
+    """
+    closed = _closes(clip, scale)
+    if not closed and not _would_close(clip, scale):
+        return clip, 0, False
+    if not clip.loop:
+        again = "the last pose is the first again" if closed else "after the last pose comes the first"
+        notes.append(f"{again}: cleaned as a loop")
+    cycle = clip if closed else _with_first_again(clip)
+    pad = min(len(cycle) - 1, math.ceil(_PADDING * clip.fps))
+    yaw, step = cycle.stride() if closed else (0.0, np.zeros(3))
+    around = _around_clip(cycle, quat_arrays.about(_UP, yaw), step, pad)
+    return around, pad, closed
 
 
-def _loops(clip: Clip, scale: float, notes: list[str]) -> bool:
+def _closes(clip: Clip, scale: float) -> bool:
     """Whether the clip says that it loops, or ends in the pose in which it began."""
     if clip.loop:
-        return True
+        return len(clip) > 1
     if clip.duration < _SHORTEST_LOOP:
         return False
     yaw, step = clip.stride()
-    ends = clip.rotations[[0, -1]]
-    first = quat_arrays.mul(quat_arrays.about(_UP, yaw), ends[0, :1])
-    turned = np.concatenate([first, ends[0, 1:]])
-    apart = quat_arrays.mul(quat_arrays.conj(turned), ends[1])
-    if np.linalg.norm(quat_arrays.to_rotvec(apart), axis=-1).max() > _SAME_TURN:
+    first = clip.rotations[0].copy()
+    first[0] = quat_arrays.mul(quat_arrays.about(_UP, np.array(yaw)), first[0])
+    apart = _most_turned(first, clip.rotations[-1])
+    return apart <= _SAME_TURN and abs(step[2]) <= _SAME_PLACE * scale
+
+
+def _would_close(clip: Clip, scale: float) -> bool:
+    """Whether the first pose would come next after the last: a loop in place without its end.
+
+    The step from the last to the first is then no larger than the steps beside it.
+    """
+    if clip.duration < _SHORTEST_LOOP:
         return False
-    if abs(step[2]) > _SAME_PLACE * scale:
-        return False
-    notes.append("the last pose is the first again: cleaned as a loop")
-    return True
+    turns, places = clip.rotations, clip.root_positions
+    beside = _most_turned(turns[0], turns[1]), _most_turned(turns[-2], turns[-1])
+    ways = np.linalg.norm([places[1] - places[0], places[-1] - places[-2]], axis=-1)
+    way = float(np.linalg.norm(places[0] - places[-1]))
+    small = way <= float(ways.max()) + _SAME_PLACE * scale
+    return small and _SAME_TURN < _most_turned(turns[-1], turns[0]) <= max(beside)
+
+
+def _most_turned(a: Array, b: Array) -> float:
+    """How far the joint turns that turns most from pose a to b (J, 4), rad."""
+    apart = quat_arrays.to_rotvec(quat_arrays.mul(quat_arrays.conj(a), b))
+    return float(np.linalg.norm(apart, axis=-1).max())
+
+
+def _with_first_again(clip: Clip) -> Clip:
+    """The clip with its first frame once more at its end."""
+    again = [*range(len(clip)), 0]
+    moved = clip.translations
+    return replace(
+        clip,
+        root_positions=clip.root_positions[again],
+        rotations=clip.rotations[again],
+        translations=None if moved is None else moved[again],
+        curves={name: np.asarray(v)[again] for name, v in clip.curves.items()},
+    )
 
 
 def _turned(turn: Array, rotations: Array) -> Array:
