@@ -11,7 +11,12 @@ from footik_runtime.commands.files import write_json
 from footik_runtime.errors import FootIKError, unknown_name
 from footik_runtime.files import require_writable
 from footik_runtime.metrics import as_json
-from footik_runtime.offline.clean_bench import cleanup_table, files_as_cases, generated_cases, score_case
+from footik_runtime.offline.clean_bench import (
+    cleanup_table,
+    files_as_cases,
+    generated_cases,
+    score_case,
+)
 from footik_runtime.offline.contact_bench import contact_table, read_trials, score_contacts
 from footik_runtime.progress import Progress
 

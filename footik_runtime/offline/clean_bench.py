@@ -27,7 +27,12 @@ from footik_runtime.sole import BALL, HEEL, all_sole_points
 
 Array = NDArray[np.float64]
 
-SKATES: Mapping[str, float] = {"constant": 0.03, "accelerating": 0.03, "noise": 0.004, "drift": 0.08}
+SKATES: Mapping[str, float] = {
+    "constant": 0.03,
+    "accelerating": 0.03,
+    "noise": 0.004,
+    "drift": 0.08,
+}
 _AT_ENDS = 3  # frames: a contact cut off by the clip's end has no known place
 
 

@@ -88,10 +88,11 @@ def _pose_plants(
         back, front, height = lengths[foot, 0], lengths[foot, 1], lengths[foot, 2]
         under_heel, under_ball = (-back, 0.0, -height), (front, 0.0, -height)
         before, after = _flat_before(spans, s), _flat_after(spans, s)
+        lands = after and not before and flat == roll
         lowest = np.inf
         for i in range(start, stop):
-            # A heel comes down as its ball peels off: from the flat foot backwards.
-            t = start + flat - 1 - i if i < flat else i
+            # What lands comes down as what leaves peels off: from the flat foot backwards.
+            t = start + flat - 1 - i if i < flat else roll + stop - 1 - i if lands else i
             if i == roll:
                 lowest = np.inf
             given = quat_mul(get4(rotations[t, ankle]), frame)

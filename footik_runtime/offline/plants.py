@@ -32,6 +32,7 @@ _STEEP = math.radians(4.0)  # a plane steeper than this must show in the soles
 _PITCHED = math.radians(5.0)  # a foot that stands so on its own tells its ground
 _NARROW = 0.12  # m: plants spread less than this say nothing of the slope that way
 _ONE_TREAD = 1.0  # s between plants that may share a tread
+_SHORTEST = 0.08  # s of a contact that the clip cuts off
 _UP = np.array([0.0, 0.0, 1.0])
 
 
@@ -57,6 +58,7 @@ def find(
     footprint. `change` is that of the whole contact; under `keep_below` nothing is asked of it.
     """
     spans = contact_spans(contacts.foot)
+    spans = spans[~_cut_short(spans, len(contacts.down), _SHORTEST * contacts.fps)]
     if not len(spans):
         return ()
     spans = stands(work, spans)
@@ -97,6 +99,13 @@ def contact_spans(down: Bools) -> Ints:
     padded[:, 1:-1] = down.T
     foot, edge = np.nonzero(padded[:, 1:] != padded[:, :-1])
     return np.stack([foot[::2], edge[::2], edge[1::2]], axis=1).astype(np.int64)
+
+
+def _cut_short(spans: Ints, frames: int, least: float) -> Bools:
+    """(K,) contacts of which the clip shows too little to tell where they are."""
+    cut = (spans[:, 1] == 0) | (spans[:, 2] == frames)
+    whole = (spans[:, 1] == 0) & (spans[:, 2] == frames)
+    return np.asarray(cut & ~whole & (spans[:, 2] - spans[:, 1] < least))
 
 
 def phases_of(plants: tuple[Plant, ...], shape: tuple[int, int]) -> NDArray[np.int8]:

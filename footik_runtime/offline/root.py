@@ -38,13 +38,13 @@ def place(work: Working, paths: FootPaths, settings: CleanSettings) -> Array:
     hips = np.ascontiguousarray(work.positions[:, [leg.hip for leg in work.rig.legs]])
     goals = work.positions[:, [leg.ankle for leg in work.rig.legs]] + paths.moves
     reach = usable_lengths(work, settings) * (1.0 + settings.stretch) * (1.0 - _SPARE)
-    moves = gaussian(_common_move(paths) * settings.root_follow, settings.root_window * fps)
+    moves = _smooth(_common_move(paths) * settings.root_follow, settings.root_window * fps)
     moves[np.linalg.norm(moves, axis=-1) < _NOTHING] = 0.0
     scratch = np.empty((len(work.rig.legs), 3))
     for _ in range(2):
         change = np.zeros((frames, 3))
         _nearest_in_reach(hips, goals, reach, moves, scratch, change)
-        moves = moves + gaussian(change, 0.5 * settings.root_window * fps)
+        moves = moves + _smooth(change, 0.5 * settings.root_window * fps)
     length, _ = leg_spans(work.rig, work.positions)
     moves = _limited(moves, _FARTHEST * float(length.mean()))
     drop = np.zeros(frames)
@@ -53,6 +53,16 @@ def place(work: Working, paths: FootPaths, settings: CleanSettings) -> Array:
         moves[:, 2] -= envelope(drop, math.ceil(_EASE * fps))
     moves[np.linalg.norm(moves, axis=-1) < _NOTHING] = 0.0
     return moves
+
+
+def _smooth(values: Array, sigma: float) -> Array:
+    """Values (N, 3) smoothed; at its ends a clip goes on as its mirror image, at rest.
+
+    Reflected oddly they would keep the first and last value, however lonely.
+    """
+    wide = math.ceil(4.0 * sigma)
+    around = np.pad(values, ((wide, wide), (0, 0)), mode="symmetric")
+    return gaussian(around, sigma)[wide : wide + len(values)]
 
 
 def _common_move(paths: FootPaths) -> Array:

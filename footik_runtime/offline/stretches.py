@@ -13,6 +13,7 @@ from footik_runtime.offline.stages import Contacts, Ints, Working
 from footik_runtime.phases import Phase
 from footik_runtime.sole import BALL as BALL_POINT
 from footik_runtime.sole import HEEL as HEEL_POINT
+from footik_runtime.sole import TIP as TIP_POINT
 
 Array = NDArray[np.float64]
 
@@ -23,11 +24,12 @@ _WINDOW = 0.15  # s within which a phase's ends are looked for
 _SHORTEST_PHASE = 0.05  # s: a foot that rocks back for less does not
 _PER_FRAME = 1e-4  # m of the pinned point's way that moving an end by a frame must save
 _ARRIVES = 0.15  # m/s, over what it does in mid-contact: a foot that comes so fast does not stand
-_LEAVES = 0.30  # m/s, likewise: a point that goes so fast is not held
+_LEAVES = 0.20  # m/s, likewise: a point that goes so fast is not held
 _PER_USUAL = 1.0  # times what it does in mid-contact
-_LIFTED = 0.005  # m over where it is in mid-contact: a point that high does not stand yet
+_LIFTED = 0.003  # m over where it is in mid-contact: a point that high does not stand yet
 _LEVEL = math.radians(1.5)  # pitch, off that of the flat foot, of one that is level still
 _ROLLED = math.radians(2.5)  # pitch, off that of the flat foot, from which it turns over an end
+_TURNS = math.radians(1.5)  # pitch within twice `_BETWEEN` by which a foot turns that is not flat
 _STEPS = 0.25  # m/s, over twice what it does in all: a foot with both ends this fast goes away
 _NEW_PLACE = 0.025  # m: and does, where that brings it this far
 _BETWEEN = 1.0 / 60.0  # s over which that speed is told
@@ -46,9 +48,9 @@ def stretches(work: Working, contacts: Contacts, spans: Ints) -> tuple[Ints, Int
     out = np.empty((int(np.sum(spans[:, 2] - spans[:, 1])), 5), dtype=np.int64)
     out = out[: _split(phases, spans, math.ceil(_SHORTEST_PHASE * fps), out)]
     window = max(1, round(_WINDOW * fps))
-    _refine(work.soles, spans, out, window, _PER_FRAME * work.scale)
-    spans = spans.copy()
     apart = max(1, round(_BETWEEN * fps))
+    _refine(work.soles, spans, out, window, 2 * apart, _PER_FRAME * work.scale)
+    spans = spans.copy()
     _release(
         work.soles, spans, out, fps, apart,
         _ARRIVES * work.scale, _LEAVES * work.scale, _LIFTED * work.scale, _MOST_TRIMMED * fps,
@@ -153,7 +155,7 @@ def _way(soles, t, foot, point):
 
 
 @compiled
-def _refine(soles, spans, stretches, window, per_frame):
+def _refine(soles, spans, stretches, window, apart, per_frame):
     """Move where each stretch goes flat and where it rolls so that pinned points move least."""
     for s in range(stretches.shape[0]):
         k, start, stop = stretches[s, 0], stretches[s, 1], stretches[s, 4]
@@ -170,7 +172,7 @@ def _refine(soles, spans, stretches, window, per_frame):
             roll = _least(soles, foot, low, roll, high, BALL_POINT, per_frame)
         # A level foot that goes up or down does so as a whole, not over its heel or ball.
         flat, roll = min(flat, first), max(roll, last)
-        stretches[s, 2], stretches[s, 3] = _while_level(soles, foot, flat, roll)
+        stretches[s, 2], stretches[s, 3] = _while_level(soles, foot, flat, roll, apart)
 
 
 @compiled
@@ -207,8 +209,7 @@ def _level_within(soles, foot, flat, roll):
 
 @compiled
 def _is_level(soles, foot, t, after, usual, pivot):
-    """Whether a foot is level at t, and moves into frame `after` by its pivot as by its other end.
-    """
+    """Whether a foot is level at t, and moves into frame `after` by its pivot as by its other end."""
     other = HEEL_POINT if pivot == BALL_POINT else BALL_POINT
     if abs(_pitch(soles, foot, t) - usual) > _LEVEL:
         return False
@@ -216,15 +217,26 @@ def _is_level(soles, foot, t, after, usual, pivot):
 
 
 @compiled
-def _while_level(soles, foot, flat, roll):
+def _while_level(soles, foot, flat, roll, apart):
     """Of flat frames, those between a nose that comes down and a heel that goes up.
 
-    A heel leaves the ground long before it is fast: then the foot would be turned back a lot.
+    A heel leaves the ground long before it is fast: then the foot would be turned back a lot. A
+    contact that the clip cuts off may have no flat frame.
     """
     usual = _usual_pitch(soles, foot, flat, roll)
-    while flat + 1 < roll and _pitch(soles, foot, flat) - usual > _ROLLED:
+    frames = soles.shape[0]
+    whole = flat > 0 and roll < frames
+    while flat > 0 and flat + whole < roll:
+        since = flat if whole else max(flat - apart, 0)
+        rises = _pitch(soles, foot, since) - _pitch(soles, foot, min(flat + apart, roll - 1))
+        if _pitch(soles, foot, flat) - usual < _ROLLED and rises < _TURNS:
+            break
         flat += 1
-    while flat + 1 < roll and _pitch(soles, foot, roll - 1) - usual < -_ROLLED:
+    while roll < frames and flat + whole < roll:
+        until = roll - 1 if whole else min(roll - 1 + apart, frames - 1)
+        rises = _pitch(soles, foot, max(roll - 1 - apart, flat)) - _pitch(soles, foot, until)
+        if _pitch(soles, foot, roll - 1) - usual > -_ROLLED and rises < _TURNS:
+            break
         roll -= 1
     return flat, roll
 
@@ -286,16 +298,44 @@ def _way_between(soles, foot, a, b, phase):
 
 
 @compiled
-def _lifted(soles, foot, t, phase, heel_level, ball_level):
+def _lifted(soles, foot, t, phase, levels):
     """How far what is pinned at frame t is over where it is in mid-contact, m.
 
-    A ball may: it is let go upwards, as its foot rolls over the toes.
+    A ball may be, while its foot rolls over toes that stay down.
     """
-    heel = soles[t, foot, HEEL_POINT, 2] - heel_level
-    ball = soles[t, foot, BALL_POINT, 2] - ball_level
+    heel = soles[t, foot, HEEL_POINT, 2] - levels[0]
+    ball = soles[t, foot, BALL_POINT, 2] - levels[1]
     if phase == BALL:
-        return 0.0
+        return min(ball, soles[t, foot, TIP_POINT, 2] - levels[2])
     return heel if phase == HEEL else 0.5 * (heel + ball)
+
+
+@compiled
+def _levels(soles, foot, start, stop, stretches, first, last):
+    """Mean heights of heel, ball and tip where they carry in mid-contact, m; else infinite.
+
+    A tip that never lies flat carries where it is lowest.
+    """
+    heel, ball, tip, heels, balls, tips = 0.0, 0.0, 0.0, 0, 0, 0
+    lowest = np.inf
+    for s in range(first, last):
+        for t in range(max(stretches[s, 1], start), min(stretches[s, 4], stop)):
+            phase = phase_at(stretches, s, t)
+            if phase != BALL:
+                heel += soles[t, foot, HEEL_POINT, 2]
+                heels += 1
+            if phase != HEEL:
+                ball += soles[t, foot, BALL_POINT, 2]
+                balls += 1
+            if phase == FLAT:
+                tip += soles[t, foot, TIP_POINT, 2]
+                tips += 1
+            lowest = min(lowest, soles[t, foot, TIP_POINT, 2])
+    return (
+        heel / heels if heels else np.inf,
+        ball / balls if balls else np.inf,
+        tip / tips if tips else lowest,
+    )
 
 
 @compiled
@@ -311,8 +351,8 @@ def _release(soles, spans, stretches, fps, apart, arrives, leaves, lifted, most)
         while last < stretches.shape[0] and stretches[last, 0] == k:
             last += 1
         margin = (stop - start) // 5
+        levels = _levels(soles, foot, start + margin, stop - margin, stretches, first, last)
         usual, count = 0.0, 0
-        heel_level, ball_level, heels, balls = 0.0, 0.0, 0, 0
         for s in range(first, last):
             for t in range(
                 max(stretches[s, 1], start + margin), min(stretches[s, 4], stop - margin)
@@ -320,28 +360,20 @@ def _release(soles, spans, stretches, fps, apart, arrives, leaves, lifted, most)
                 phase = phase_at(stretches, s, t)
                 usual += pinned_speed(soles, foot, t, start, stop, phase, fps)
                 count += 1
-                if phase != BALL:
-                    heel_level += soles[t, foot, HEEL_POINT, 2]
-                    heels += 1
-                if phase != HEEL:
-                    ball_level += soles[t, foot, BALL_POINT, 2]
-                    balls += 1
-        heel_level = heel_level / heels if heels else np.inf
-        ball_level = ball_level / balls if balls else np.inf
         usual *= _PER_USUAL / max(count, 1)
         slowest, fastest = (arrives + usual) * apart / fps, (leaves + usual) * apart / fps
         longest = int(min(most, (stop - start) / 3.0))
         while stop - apart > start and spans[k, 2] - stop < longest:
             phase = phase_at(stretches, last - 1, stop - 1)
             way = _way_between(soles, foot, stop - 1 - apart, stop - 1, phase)
-            height = _lifted(soles, foot, stop - 1, phase, heel_level, ball_level)
+            height = _lifted(soles, foot, stop - 1, phase, levels)
             if way <= fastest and height <= lifted:
                 break
             stop -= 1
         while start + apart < stop and start - spans[k, 1] < longest:
             phase = phase_at(stretches, first, start)
             way = _way_between(soles, foot, start, start + apart, phase)
-            height = _lifted(soles, foot, start, phase, heel_level, ball_level)
+            height = _lifted(soles, foot, start, phase, levels)
             if way <= slowest and height <= lifted:
                 break
             start += 1

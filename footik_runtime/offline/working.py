@@ -293,7 +293,9 @@ def _padded(clip: Clip, scale: float, notes: list[str]) -> tuple[Clip, int, bool
     if not closed and not _would_close(clip, scale):
         return clip, 0, False
     if not clip.loop:
-        again = "the last pose is the first again" if closed else "after the last pose comes the first"
+        again = (
+            "the last pose is the first again" if closed else "after the last pose comes the first"
+        )
         notes.append(f"{again}: cleaned as a loop")
     cycle = clip if closed else _with_first_again(clip)
     pad = min(len(cycle) - 1, math.ceil(_PADDING * clip.fps))
