@@ -176,7 +176,7 @@ def test_bones_stretch_only_as_far_as_allowed():
     assert longer is not None
     positions, _ = pose_after(WALK, rotations, longer, still)
     stretched, _ = leg_spans(RIG, positions)
-    assert (stretched[:, 0] / length[:, 0]).max() < 1.02
+    assert (stretched[:, 0] / length[:, 0]).max() < 1.02 + 1e-9
     assert (stretched[:, 0] / length[:, 0]).min() > 1.004
     assert np.abs(stretched[:, 1] - length[:, 1]).max() < 1e-12
 
@@ -223,4 +223,4 @@ def test_a_leg_may_do_what_the_input_does():
     length, extension = leg_spans(rig, work.positions)
     usable = usable_lengths(work, SETTINGS)
     assert (usable >= np.minimum(extension, length * (1.0 - 1e-7))).all()
-    assert usable[-1] == pytest.approx(0.995 * length[-1])
+    assert usable[-1] == pytest.approx(SETTINGS.reach * length[-1])

@@ -9,6 +9,7 @@ from footik_runtime import quat_arrays as qa
 from footik_runtime.builtin import humanoid_rig
 from footik_runtime.clip import Clip
 from footik_runtime.errors import FootIKError
+from footik_runtime.offline import detect
 from footik_runtime.offline.skate import true_walk
 from footik_runtime.offline.stages import CleanSettings
 from footik_runtime.offline.working import unpad, working
@@ -177,3 +178,42 @@ def test_a_loop_of_one_frame_is_not_padded():
         loop=True,
     )
     assert working(one, RIG).pad == 0
+
+
+def test_a_loop_in_place_without_its_last_frame_is_a_loop():
+    spot = replace(on_the_spot(BARE), loop=False)
+    open_end = replace(spot, root_positions=spot.root_positions[:-1], rotations=spot.rotations[:-1])
+    work = working(open_end, RIG)
+    assert work.pad > 0
+    assert not work.closed
+    assert any("comes the first" in note for note in work.notes)
+    assert len(unpad(work, work.soles)) == len(open_end)
+    # The frame after its last is its first, a cycle of the belt further on.
+    after = work.positions[work.pad + work.frames] - work.positions[work.pad]
+    assert np.abs(after - after[0]).max() < 1e-9
+    step = -work.belt * len(open_end) / open_end.fps
+    assert np.abs(after[0] - step).max() < 1e-9
+    # Half a cycle is none.
+    half = spot.cut(0, len(spot) // 2)
+    assert working(half, RIG).pad == 0
+
+
+@pytest.mark.parametrize("speed", [2.5, 4.0])
+def test_a_run_in_place_is_on_a_belt_at_its_speed(speed):
+    clip = gait.run(RIG, speed=speed)
+    work = working(on_the_spot(replace(clip, curves={})), RIG)
+    assert work.belt == pytest.approx([-speed, 0.0, 0.0], abs=0.05 * speed)
+    assert work.belt[2] == 0.0
+    found = detect.of_clip(work, CleanSettings())
+    assert (found.belt == work.belt).all()
+    assert unpad(work, found.foot).any(axis=0).all()
+
+
+def test_an_inclined_belt_is_taken_out_with_its_climb():
+    uphill = true_walk(WALK, RIG, ground="slope").clip
+    velocity = (uphill.root_positions[-1] - uphill.root_positions[0]) / uphill.duration
+    assert velocity[2] > 0.05
+    still = uphill.root_positions - velocity * uphill.times[:, None]
+    work = working(replace(uphill, root_positions=still), RIG)
+    assert work.belt == pytest.approx(-velocity, abs=0.01)
+    assert working(on_the_spot(BARE), RIG).belt[2] == 0.0

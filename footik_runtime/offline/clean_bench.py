@@ -33,6 +33,7 @@ SKATES: Mapping[str, float] = {
     "noise": 0.004,
     "drift": 0.08,
 }
+_NARROWEST = 5  # characters of a column
 _AT_ENDS = 3  # frames: a contact cut off by the clip's end has no known place
 
 
@@ -66,7 +67,8 @@ def files_as_cases(paths: Sequence[Path]) -> Iterator[Case]:
 
 def generated_cases(seed: int = 1) -> Iterator[Case]:
     """Walks and runs of the built-in humanoid on flat ground, a slope and stairs, clean and with
-    every kind of skate: `SKATES`, m, half as much for runs."""
+    every kind of skate: `SKATES`, m, half as much for runs.
+    """
     rig = humanoid_rig()
     gaits = {"walk": walk_gait(rig), "slow walk": walk_gait(rig, speed=0.6), "run": run_gait(rig)}
     for gait, cycle in gaits.items():
@@ -135,9 +137,10 @@ def score_case(case: Case) -> dict[str, float]:
 def cleanup_table(rows: Mapping[str, Mapping[str, float]]) -> str:
     """The figures of `score_case`, a line each."""
     width = max(len(name) for name in rows)
-    lines = ["  ".join([" " * width, *COLUMNS.values()])]
+    labels = {key: label.rjust(_NARROWEST) for key, label in COLUMNS.items()}
+    lines = ["  ".join([" " * width, *labels.values()])]
     for name, row in rows.items():
-        cells = [_cell(row[key]).rjust(len(label)) for key, label in COLUMNS.items()]
+        cells = [_cell(row[key]).rjust(len(label)) for key, label in labels.items()]
         lines.append("  ".join([name.ljust(width), *cells]))
     return "\n".join(lines)
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from footik_runtime.clip import Clip
 from footik_runtime.metrics import MEASURES, as_json
-from footik_runtime.offline.measure_clip import AFTER, BEFORE, as_worked, ground_of, run_of
+from footik_runtime.offline.measure_clip import AFTER, BEFORE, as_worked, run_of
 from footik_runtime.offline.stages import Cleaned
 from footik_runtime.sole import BALL, HEEL
 
@@ -46,13 +46,12 @@ def _data(
     before: Clip, cleaned: Cleaned, measures: Mapping[str, Mapping[str, float]]
 ) -> dict[str, Any]:
     step = -(-len(before) // MOST_FRAMES)
-    ground = ground_of(cleaned)
     joints, heights, speeds = {}, {}, {}
     for name, clip in ((BEFORE, before), (AFTER, cleaned.clip)):
         worked = as_worked(clip, cleaned)
-        run = run_of(worked, cleaned.rig, cleaned.phases, ground)
+        run = run_of(worked, cleaned)
         points = run.sole[:, :, [HEEL, BALL]]
-        height = points[..., 2] - ground[:, :, [HEEL, BALL]]
+        height = points[..., 2] - run.ground[:, :, [HEEL, BALL]]
         speed = np.zeros(height.shape)
         if len(clip) > 1:
             moved = np.gradient(points[..., :2], axis=0)

@@ -209,7 +209,7 @@ def _level_within(soles, foot, flat, roll):
 
 @compiled
 def _is_level(soles, foot, t, after, usual, pivot):
-    """Whether a foot is level at t, and moves into frame `after` by its pivot as by its other end."""
+    """Whether a foot is level at t and goes to frame `after` as a whole, not over its pivot."""
     other = HEEL_POINT if pivot == BALL_POINT else BALL_POINT
     if abs(_pitch(soles, foot, t) - usual) > _LEVEL:
         return False

@@ -33,6 +33,7 @@ _MOST_TILT = math.radians(4.0)
 _LEAST_TILT = math.radians(0.05)
 _RIDGE = 0.15  # m: spread of the plants that says nothing about tilt
 _FEWEST_FLAT = 3  # frames that tell a sole
+_INCLINED = math.tan(math.radians(0.2))  # of a belt; a lesser incline is none
 _PADDING = 1.5  # s of the neighbouring cycles
 _SHORTEST_LOOP = 0.4  # s
 _SAME_TURN, _SAME_PLACE = math.radians(0.5), 0.001  # rad, m: a pose that has returned
@@ -169,7 +170,8 @@ def _belt_speed(soles: Array, contacts: Contacts, fps: float, notes: list[str]) 
     steps = np.diff(soles[:, :, :2], axis=0) * fps
     belt = np.median(steps[down], axis=0) if down.any() else contacts.belt.copy()
     climbs = [steps[at, f, p, 2].mean() for f, p, at in _each_run(down)]
-    if not climbs or abs(np.mean(climbs)) < 3.0 * np.std(climbs):
+    least = _INCLINED * float(np.linalg.norm(belt[:2]))
+    if not climbs or abs(np.mean(climbs)) < max(3.0 * float(np.std(climbs)), least):
         belt[2] = 0.0
     notes.append(f"the feet stand on a belt: {np.linalg.norm(belt):.2f} m/s against the root")
     return belt
