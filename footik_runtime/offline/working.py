@@ -169,7 +169,7 @@ def _belt_speed(soles: Array, contacts: Contacts, fps: float, notes: list[str]) 
     down = np.asarray(contacts.down[1:] & contacts.down[:-1])
     steps = np.diff(soles[:, :, :2], axis=0) * fps
     belt = np.median(steps[down], axis=0) if down.any() else contacts.belt.copy()
-    climbs = [steps[at, f, p, 2].mean() for f, p, at in _each_run(down)]
+    climbs = [np.median(steps[at, f, p, 2]) for f, p, at in _each_run(down)]
     least = _INCLINED * float(np.linalg.norm(belt[:2]))
     if not climbs or abs(np.mean(climbs)) < max(3.0 * float(np.std(climbs)), least):
         belt[2] = 0.0
