@@ -120,6 +120,18 @@ def test_crowd_has_feet_on_the_ground_and_most_of_them_locked(demo):
 # --- the blocks of Python in the documents ------------------------------------------------------
 
 
+def test_a_cleaned_clip_slides_no_more_and_keeps_its_curves_in_a_file(demo, tmp_path):
+    text = demo("07")
+    assert figure(text, r"slid at ([\d.]+) mm/s") > 30.0
+    assert figure(text, r"now at ([\d.]+)") < 1.0
+    assert figure(text, r"(\d+) plants") >= 8
+    read = re.search(r"read again: (.*)", text)
+    assert read is not None
+    assert "LeftFootIKWeight" in read[1].split(", ")
+    write_bvh(GAITS["walk"](humanoid_rig(), None), tmp_path / "own.bvh")
+    assert demo("07", tmp_path / "own.bvh").startswith("own:")
+
+
 def blocks(path: Path) -> list[str]:
     """The ```python blocks of a Markdown file."""
     return re.findall(r"^```python\n(.*?)^```", path.read_text(encoding="utf-8"), re.M | re.S)
