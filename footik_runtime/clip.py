@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import cmath
 import math
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -123,8 +124,25 @@ class Clip:
         """The same clip with these extras added or replaced."""
         return self._with(extras={**self.extras, **extras})
 
+    def moved(self, root_positions: Array, rotations: Array | None = None) -> Clip:
+        """The same clip with another motion (T, 3) and (T, J, 4), which is not checked.
+
+        It must be finite, unit and continuous in sign, as what is made from a clip's own is.
+        """
+        kept = self.rotations if rotations is None else rotations
+        return self._with(root_positions=root_positions, rotations=kept)
+
+    def only(self, joints: Sequence[int]) -> Clip:
+        """The motion of some joints alone: the root, and none without its parent."""
+        moves = self.translations
+        return self._with(
+            skeleton=self.skeleton.only(joints),
+            rotations=np.ascontiguousarray(self.rotations[:, joints]),
+            translations=None if moves is None else np.ascontiguousarray(moves[:, joints]),
+        )
+
     def _with(self, /, **fields: Any) -> Clip:
-        """`replace` for what is no motion: checking all frames again would take longest."""
+        """`replace` for what needs no checking: that takes longest."""
         changed = copy(self)
         for name, value in fields.items():
             object.__setattr__(changed, name, value)

@@ -6,6 +6,7 @@ translation is the joint's place in that frame. The first joint is the only root
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -95,6 +96,17 @@ class Skeleton:
         while self.parents[line[-1]] >= 0:
             line.append(int(self.parents[line[-1]]))
         return line
+
+    def only(self, joints: Sequence[int]) -> Skeleton:
+        """Some joints alone, in order: the root, and none without its parent."""
+        place = {int(joint): i for i, joint in enumerate(joints)}
+        return Skeleton(
+            names=tuple(self.names[j] for j in joints),
+            parents=np.array([place.get(int(self.parents[j]), -1) for j in joints], dtype=np.int32),
+            offsets=self.offsets[list(joints)],
+            rest_rotations=self.rest_rotations[list(joints)],
+            tips={place[j]: tip for j, tip in self.tips.items() if j in place},
+        )
 
     @staticmethod
     def _require_shape(what: str, value: Array, shape: tuple[int, ...]) -> None:

@@ -25,7 +25,7 @@ from footik_runtime.offline.stages import (
     Plant,
     Working,
 )
-from footik_runtime.offline.working import unpad, working
+from footik_runtime.offline.working import fitted_rig, unpad, working
 from footik_runtime.rig import Rig, find_rig
 
 _FEWEST_FRAMES = 3
@@ -55,7 +55,7 @@ def clean(
         return footplant.clean(clip, rig)
     work = working(clip, rig, settings=settings, ground=ground)
     if len(clip) < _FEWEST_FRAMES:
-        return _untouched(clip, work)
+        return _untouched(clip, rig, work)
     contacts = detect.of_clip(work, settings)
     found = plants.find(work, contacts, settings, ground)
     paths = spread.spread(footing.poses(work, found, settings), work, found, settings, ground)
@@ -67,7 +67,7 @@ def clean(
     cleaned = _put_back(clip, work, moves, rotations, translations, settings)
     return Cleaned(
         clip=cleaned,
-        rig=work.rig,
+        rig=fitted_rig(rig, work),
         contacts=_cropped(contacts, work),
         plants=_within(found, work),
         phases=unpad(work, plants.phases_of(found, contacts.foot.shape)),
@@ -78,7 +78,7 @@ def clean(
     )
 
 
-def _untouched(clip: Clip, work: Working) -> Cleaned:
+def _untouched(clip: Clip, rig: Rig, work: Working) -> Cleaned:
     """A clip that is too short to tell a contact, as it is."""
     work = replace(work, pad=0)
     points = (len(clip), len(work.rig.legs), 2)
@@ -94,7 +94,7 @@ def _untouched(clip: Clip, work: Working) -> Cleaned:
     report["notes"].append(f"{len(clip)} frames are too few to clean")
     return Cleaned(
         clip=clip,
-        rig=work.rig,
+        rig=fitted_rig(rig, work),
         contacts=contacts,
         plants=(),
         phases=contacts.phases(),
@@ -122,8 +122,9 @@ def _put_back(
     Everything else is the input's to the last bit, so that files keep its digits.
     """
     turned, given = clip.rotations.copy(), work.clip
-    joints = [j for g in work.rig.legs for j in (g.hip, g.knee, g.ankle, g.toe) if j >= 0]
-    before, after = unpad(work, given.rotations)[:, joints], unpad(work, rotations)[:, joints]
+    legs = [j for g in work.rig.legs for j in (g.hip, g.knee, g.ankle, g.toe) if j >= 0]
+    joints = work.joints[legs]
+    before, after = unpad(work, given.rotations)[:, legs], unpad(work, rotations)[:, legs]
     if work.pad and work.closed:
         # The pads agree to rounding; a loop's last frame is its first again, exactly.
         moved = (before[[0, -1]] != after[[0, -1]]).any(axis=(0, 2))
@@ -137,14 +138,24 @@ def _put_back(
     turned[:, joints] = rows
     offsets, lengths = moves, clip.translations
     if translations is not None and translations is not given.translations:
-        lengths = unpad(work, translations)
+        lengths = _lengths(clip).copy()
+        lengths[:, work.joints] = unpad(work, translations)
     if settings.level:
         upright = quat_arrays.conj(work.back)
         turned[:, 0] = quat_arrays.mul(upright, turned[:, 0])
         roots = quat_arrays.rotate(upright, clip.root_positions) + offsets
     else:
         roots = clip.root_positions + quat_arrays.rotate(work.back, offsets)
-    return replace(clip, root_positions=roots, rotations=turned, translations=lengths)
+    if lengths is not clip.translations:
+        return replace(clip, root_positions=roots, rotations=turned, translations=lengths)
+    return clip.moved(roots, turned)
+
+
+def _lengths(clip: Clip) -> Array:
+    """(T, J, 3) local translations, m."""
+    if clip.translations is not None:
+        return clip.translations
+    return np.tile(clip.skeleton.offsets, (len(clip), 1, 1))
 
 
 def _cropped(contacts: Contacts, work: Working) -> Contacts:

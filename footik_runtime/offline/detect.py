@@ -111,14 +111,13 @@ def of_clip(work: Working, settings: CleanSettings) -> Contacts:
     names = [phase_curve(leg.name) for leg in work.rig.legs]
     if not settings.redetect and all(name in work.clip.curves for name in names):
         return _told(work, names)
-    found = contacts(
-        work.soles[:, :, :2],
-        work.clip.fps,
-        scale=work.scale,
-        settings=replace(settings.contact, belt="none"),
-    )
-    _roll(found.down, _pitch(work))
-    return replace(found, belt=work.belt)
+    found = work.contacts
+    if found is None:
+        still = replace(settings.contact, belt="none")
+        found = contacts(work.soles[:, :, :2], work.clip.fps, scale=work.scale, settings=still)
+    down = found.down.copy()
+    _roll(down, _pitch(work))
+    return replace(found, down=down, belt=work.belt)
 
 
 def _too_short(points: Array, fps: float) -> Contacts:

@@ -160,6 +160,7 @@ def working_of(clip: Clip, rig: Rig) -> Working:
     return Working(
         clip=clip,
         rig=rig,
+        joints=np.arange(len(rig.skeleton)),
         positions=positions,
         rotations=rotations,
         soles=all_sole_points(rig, positions, rotations),

@@ -193,17 +193,18 @@ class FootPaths:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Working:
-    """The clip as the rooms see it. back: (4,) turns its root offsets into the input's frame. pad:
-    frames before frame 0.
+    """The clip as the rooms see it: its legs alone. back: (4,) turns its root offsets into the
+    input's frame. pad: frames before frame 0. joints: (J,) which of the input's joints are in it.
 
     positions (N,J,3), rotations (N,J,4): model pose; soles (N,F,3,3) heel, ball, tip; N = T + 2
     pad. shift (N,3): what was added to the input's (levelled) root to take belt and floor height
     out. belt: (3,) m/s of what the feet stood on. closed: a padded clip's last frame is its first
-    again; without, that would be the next one.
+    again; without, that would be the next one. contacts: as far as points alone tell them.
     """
 
     clip: Clip
     rig: Rig
+    joints: Ints
     positions: Array
     rotations: Array
     soles: Array
@@ -214,6 +215,7 @@ class Working:
     pad: int
     frames: int
     closed: bool = True
+    contacts: Contacts | None = None
     notes: tuple[str, ...] = ()
 
 

@@ -16,7 +16,7 @@ from footik_runtime.errors import FootIKError
 from footik_runtime.math3d import quat_between, quat_upright, rotate
 from footik_runtime.offline import detect
 from footik_runtime.offline.filters import runs
-from footik_runtime.offline.stages import Bools, CleanSettings, Contacts, Ground, Working
+from footik_runtime.offline.stages import Bools, CleanSettings, Contacts, Ground, Ints, Working
 from footik_runtime.phases import phase_curve, weight_curve
 from footik_runtime.rig import Leg, Rig, Sole, find_rig
 from footik_runtime.sole import BALL, HEEL, all_sole_points
@@ -41,44 +41,6 @@ _UP = np.array([0.0, 0.0, 1.0])
 _IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Seen:
-    """A clip and the pose it makes, moved together."""
-
-    clip: Clip
-    rig: Rig
-    positions: Array
-    rotations: Array
-
-    def soles(self) -> Array:
-        """(T, F, 3, 3) heel, ball and tip of every foot, m."""
-        return all_sole_points(self.rig, self.positions, self.rotations)
-
-    def moved(self, shift: Array) -> _Seen:
-        """All of it moved by (T, 3), m."""
-        if not shift.any():
-            return self
-        return replace(
-            self,
-            clip=replace(self.clip, root_positions=self.clip.root_positions + shift),
-            positions=self.positions + shift[:, None],
-        )
-
-    def turned(self, turn: Array) -> _Seen:
-        """All of it turned by (4,) about the origin."""
-        if np.array_equal(turn, _IDENTITY):
-            return self
-        roots = quat_arrays.rotate(turn, self.clip.root_positions)
-        rotations = self.clip.rotations.copy()
-        rotations[:, 0] = quat_arrays.mul(turn, rotations[:, 0])
-        return replace(
-            self,
-            clip=replace(self.clip, root_positions=roots, rotations=rotations),
-            positions=quat_arrays.rotate(turn, self.positions),
-            rotations=quat_arrays.mul(turn, self.rotations),
-        )
-
-
 def working(
     clip: Clip,
     rig: Rig | None = None,
@@ -99,40 +61,54 @@ def working(
     notes: list[str] = []
     frames = len(clip)
     clip, pad, closed = _padded(clip, scale, notes)
-    seen = _Seen(clip=clip, rig=rig, **_pose(clip))
-    soles = seen.soles()
-    back, raw, belt = _IDENTITY, clip.root_positions, np.zeros(3)
+    clip, rig, joints = _legs_only(clip, rig)
+    back, raw, belt, contacts = _IDENTITY, clip.root_positions, np.zeros(3), None
+    positions, rotations = clip.model_pose()
     if frames >= 3 and ground is None:
+        soles = all_sole_points(rig, positions, rotations)
         contacts = detect.contacts(
             soles[:, :, :2], clip.fps, scale=scale, settings=settings.contact
         )
         if contacts.belt.any():
             belt = _belt_speed(soles, contacts, clip.fps, notes)
-            seen = seen.moved(-belt * (clip.times[:, None] - pad / clip.fps))
+            off = -belt * (clip.times[:, None] - pad / clip.fps)
+            clip, soles = clip.moved(clip.root_positions + off), soles + off[:, None, None]
+            positions = positions + off[:, None]
         phased, weighted = _told(clip, rig) if not settings.redetect else (False, False)
-        if not phased:
-            upright = _IDENTITY if weighted else _upright(seen.soles(), contacts, scale, notes)
-            seen = seen.turned(upright)
+        if not (phased or weighted):
+            upright = _upright(soles, contacts, scale, notes)
             back, raw = quat_arrays.conj(upright), quat_arrays.rotate(upright, raw)
-            seen, floor = _fitted(seen, contacts, scale)
+            if upright is not _IDENTITY:
+                clip = _turned_clip(clip, upright)
+                positions, rotations = clip.model_pose()
+        if not phased:
+            rig, floor = _fitted(rig, positions, rotations, contacts, scale, clip.fps)
             if not weighted:
-                seen = seen.moved(np.broadcast_to(-floor * _UP, raw.shape))
-        soles = seen.soles()
+                clip = clip.moved(clip.root_positions - floor * _UP)
+                positions = positions - floor * _UP
     return Working(
-        clip=seen.clip,
-        rig=seen.rig,
-        positions=seen.positions,
-        rotations=seen.rotations,
-        soles=soles,
+        clip=clip,
+        rig=rig,
+        joints=joints,
+        positions=positions,
+        rotations=rotations,
+        soles=all_sole_points(rig, positions, rotations),
         scale=scale,
         back=back,
-        shift=seen.clip.root_positions - raw,
+        shift=clip.root_positions - raw,
         belt=belt,
         pad=pad,
         frames=frames,
         closed=closed,
+        contacts=contacts,
         notes=tuple(notes),
     )
+
+
+def fitted_rig(rig: Rig, work: Working) -> Rig:
+    """The clip's rig with the soles that were fitted in the working clip."""
+    legs = zip(rig.legs, work.rig.legs, strict=True)
+    return replace(rig, legs=tuple(replace(leg, sole=worked.sole) for leg, worked in legs))
 
 
 def unpad(work: Working, values: NDArray[_T]) -> NDArray[_T]:
@@ -140,9 +116,26 @@ def unpad(work: Working, values: NDArray[_T]) -> NDArray[_T]:
     return values[work.pad : work.pad + work.frames]
 
 
-def _pose(clip: Clip) -> dict[str, Array]:
-    positions, rotations = clip.model_pose()
-    return {"positions": positions, "rotations": rotations}
+def _legs_only(clip: Clip, rig: Rig) -> tuple[Clip, Rig, Ints]:
+    """Clip and rig with nothing but what carries feet, and its joints (K,): the rest only costs."""
+    skeleton = clip.skeleton
+    ends = [leg.toe if leg.toe >= 0 else leg.ankle for leg in rig.legs]
+    joints = sorted({j for end in (rig.hips, *ends) for j in skeleton.chain(end)})
+    place = {joint: i for i, joint in enumerate(joints)} | {-1: -1}
+    legs = tuple(
+        replace(leg, **{part: place[getattr(leg, part)] for part in ("hip", "knee", "ankle", "toe")})
+        for leg in rig.legs
+    )
+    alone = clip.only(joints)
+    rig = replace(rig, skeleton=alone.skeleton, hips=place[rig.hips], legs=legs)
+    return alone, rig, np.array(joints, dtype=np.int64)
+
+
+def _turned_clip(clip: Clip, turn: Array) -> Clip:
+    """All of it turned by (4,) about the origin."""
+    rotations = clip.rotations.copy()
+    rotations[:, 0] = quat_arrays.mul(turn, rotations[:, 0])
+    return clip.moved(quat_arrays.rotate(turn, clip.root_positions), rotations)
 
 
 def _require_same_skeleton(clip: Clip, rig: Rig) -> None:
@@ -223,36 +216,39 @@ def _plane_normal(points: Array, scale: float) -> Array:
     return normal / np.linalg.norm(normal)
 
 
-def _fitted(seen: _Seen, contacts: Contacts, scale: float) -> tuple[_Seen, float]:
+def _fitted(
+    rig: Rig, positions: Array, rotations: Array, contacts: Contacts, scale: float, fps: float
+) -> tuple[Rig, float]:
     """The rig with each sole flat where its foot stood flat and level, and the floor's height.
 
     A rest pose seldom says how the foot lies on the ground; its stance in the clip does. On steep
     ground it does not: there the soles stay. A foot that never stands keeps its own.
     """
     both = np.asarray(contacts.down.all(axis=-1))
-    ankles = seen.positions[:, [leg.ankle for leg in seen.rig.legs]]
-    speed = np.linalg.norm(np.gradient(ankles, axis=0), axis=-1) * seen.clip.fps
+    ankles = positions[:, [leg.ankle for leg in rig.legs]]
+    speed = np.linalg.norm(np.gradient(ankles, axis=0), axis=-1) * fps
     flat = both & (speed < _STILL * scale)
     # The slower half: in the other the heel may be on its way up already.
     usual = [
         np.median(speed[flat[:, i], i]) if flat[:, i].any() else 0.0 for i in range(len(flat[0]))
     ]
     flat &= speed <= np.array(usual)
-    floors = np.full(len(seen.rig.legs), np.inf)
-    for i, leg in enumerate(seen.rig.legs):
+    floors = np.full(len(rig.legs), np.inf)
+    for i, leg in enumerate(rig.legs):
         if flat[:, i].sum() >= _FEWEST_FLAT:
             floors[i] = float(np.median(ankles[flat[:, i], i, 2])) - leg.sole.height
     lowest = float(floors.min())
     if lowest == np.inf:
-        return seen, float(seen.soles()[..., 2].min())
+        return rig, float(all_sole_points(rig, positions, rotations)[..., 2].min())
     stands = floors < lowest + _ONE_FLOOR * scale
+    floor = float(floors[stands].mean())
+    if _on_steep_ground(all_sole_points(rig, positions, rotations), both):
+        return rig, floor
     legs = tuple(
-        replace(leg, sole=_fitted_sole(leg, seen.rotations[flat[:, i]])) if stands[i] else leg
-        for i, leg in enumerate(seen.rig.legs)
+        replace(leg, sole=_fitted_sole(leg, rotations[flat[:, i]])) if stands[i] else leg
+        for i, leg in enumerate(rig.legs)
     )
-    if not _on_steep_ground(seen.soles(), both):
-        seen = replace(seen, rig=replace(seen.rig, legs=legs))
-    return seen, float(floors[stands].mean())
+    return replace(rig, legs=legs), floor
 
 
 def _on_steep_ground(soles: Array, flat: Bools) -> bool:
