@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from footik_runtime import quat_arrays
 from footik_runtime.clip import Clip
+from footik_runtime.compiled import compiled
 from footik_runtime.offline import detect, footing, footplant, plants, root, solve_legs, spread
 from footik_runtime.offline.stages import (
     Array,
@@ -123,19 +124,10 @@ def _put_back(
     """
     turned, given = clip.rotations.copy(), work.clip
     legs = [j for g in work.rig.legs for j in (g.hip, g.knee, g.ankle, g.toe) if j >= 0]
-    joints = work.joints[legs]
-    before, after = unpad(work, given.rotations)[:, legs], unpad(work, rotations)[:, legs]
-    if work.pad and work.closed:
-        # The pads agree to rounding; a loop's last frame is its first again, exactly.
-        moved = (before[[0, -1]] != after[[0, -1]]).any(axis=(0, 2))
-        after = after.copy()
-        after[-1, moved] = after[0, moved]
-    changed = (before != after).any(axis=-1)
-    rows = turned[:, joints]
-    # A padded clip may have the other sign of the same rotations.
-    signs = np.where(np.sum(rows[changed] * after[changed], axis=-1) < 0.0, -1.0, 1.0)
-    rows[changed] = signs[:, None] * after[changed]
-    turned[:, joints] = rows
+    _write_changed(
+        unpad(work, given.rotations), unpad(work, rotations), np.array(legs), work.joints, turned,
+        work.pad > 0 and work.closed,
+    )  # fmt: skip
     offsets, lengths = moves, clip.translations
     if translations is not None and translations is not given.translations:
         lengths = _lengths(clip).copy()
@@ -149,6 +141,32 @@ def _put_back(
     if lengths is not clip.translations:
         return replace(clip, root_positions=roots, rotations=turned, translations=lengths)
     return clip.moved(roots, turned)
+
+
+@compiled
+def _write_changed(before, after, legs, joints, out, closed):
+    """Write leg rotations (T, K, 4) that changed into out (T, J, 4), of the sign that those have.
+
+    A padded clip's may have the other. A loop's last frame is its first again to the last bit,
+    where its pads agree but to rounding.
+    """
+    last = before.shape[0] - 1
+    for j in legs:
+        moved = _differs(before[0, j], after[0, j]) or _differs(before[last, j], after[last, j])
+        for t in range(last + 1):
+            source = 0 if closed and moved and t == last else t
+            if _differs(before[t, j], after[source, j]):
+                place = out[t, joints[j]]
+                same = 0.0
+                for c in range(4):
+                    same += place[c] * after[source, j, c]
+                for c in range(4):
+                    place[c] = -after[source, j, c] if same < 0.0 else after[source, j, c]
+
+
+@compiled
+def _differs(a, b):
+    return a[0] != b[0] or a[1] != b[1] or a[2] != b[2] or a[3] != b[3]
 
 
 def _lengths(clip: Clip) -> Array:

@@ -15,22 +15,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footik_runtime import quat_arrays
+from footik_runtime.compiled import compiled
 from footik_runtime.errors import FootIKError
 from footik_runtime.offline.belt import belt_velocity
 from footik_runtime.offline.filters import (
+    contact_spans,
     fill_gaps,
     gaussian,
     hold_last,
     latched,
+    median_of,
     noise_sd,
     runs,
     sliding_mean,
+    span_medians,
 )
 from footik_runtime.offline.stages import CleanSettings, Contacts, ContactSettings, Working
 from footik_runtime.phases import Phase, phase_curve
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
+Ints = NDArray[np.int64]
 
 HEEL, TOE = 0, 1
 
@@ -174,26 +179,33 @@ def _look(points: Array, fps: float, settings: ContactSettings) -> _Motion:
 def _cores(seen: _Motion, settings: ContactSettings) -> Bools:
     """(T, F, 2) frames in which a point surely stands."""
     slow = seen.speed < np.array(settings.core_speed)
-    spans: dict[tuple[int, int], list[tuple[int, int]]] = {}
-    for foot in range(slow.shape[1]):
-        for point in (HEEL, TOE):
-            kept = []
-            for start, stop in runs(slow[:, foot, point]):
-                inside = start > 0 and stop < len(slow)
-                if inside and stop - start < settings.shortest_core * seen.fps:
-                    slow[start:stop, foot, point] = False
-                else:
-                    kept.append((int(start), int(stop)))
-            spans[foot, point] = kept
+    frames, feet = slow.shape[:2]
+    spans = contact_spans(slow.reshape(frames, -1))
+    points, starts, stops = spans.T
+    inside = (starts > 0) & (stops < frames)
+    short = inside & (stops - starts < settings.shortest_core * seen.fps)
+    for point, start, stop in spans[short]:
+        slow[start:stop, *divmod(point, 2)] = False
+    spans = spans[~short]
+    heights = span_medians(seen.height.reshape(frames, 2 * feet), spans)
     standing = slow.copy()
-    for (foot, point), kept in spans.items():
-        heights = [float(np.median(seen.height[a:b, foot, point])) for a, b in kept]
-        for i, (start, stop) in enumerate(kept):
-            beside = heights[max(i - 1, 0) : i] + heights[i + 1 : i + 2]
-            high = beside and heights[i] - max(beside) > settings.hover
-            if high and _another_lower(seen, slow, foot, start, stop, heights[i], settings):
-                standing[start:stop, foot, point] = False
+    for k in np.flatnonzero(_over_neighbours(spans[:, 0], heights) > settings.hover):
+        (foot, point), (start, stop) = divmod(spans[k, 0], 2), spans[k, 1:]
+        if _another_lower(seen, slow, foot, start, stop, heights[k], settings):
+            standing[start:stop, foot, point] = False
     return standing
+
+
+def _over_neighbours(points: Ints, heights: Array) -> Array:
+    """(K,) height of each core over the higher of the same point's before and after, m."""
+    if not len(heights):
+        return heights
+    lone = np.full(1, -np.inf)
+    same = points[1:] == points[:-1]
+    before = np.concatenate([lone, np.where(same, heights[:-1], -np.inf)])
+    after = np.concatenate([np.where(same, heights[1:], -np.inf), lone])
+    beside = np.maximum(before, after)
+    return np.where(np.isfinite(beside), heights - beside, 0.0)
 
 
 def _another_lower(
@@ -323,14 +335,24 @@ def _roll(down: Bools, pitch: Array) -> None:
 
     Points are slow about the moment they leave the ground; the sole's angle is not.
     """
-    for foot in range(down.shape[1]):
-        for start, stop in runs(np.asarray(down[:, foot].any(axis=-1))):
-            both = down[start:stop, foot].all(axis=-1)
-            angle = pitch[start:stop, foot]
-            flat = np.median(angle[both]) if both.any() else 0.0
-            lifted = latched(angle - flat < -_ROLLED, angle - flat < -_LEVEL)
-            raised = latched(angle - flat > _ROLLED, angle - flat > _LEVEL)
-            down[start:stop, foot, HEEL] &= ~lifted
-            down[start:stop, foot, TOE] &= ~raised
-            down[start:stop, foot, TOE] |= lifted
-            down[start:stop, foot, HEEL] |= raised
+    spans = contact_spans(np.asarray(down.any(axis=-1)))
+    _roll_spans(down, pitch, spans, np.empty(len(down)))
+
+
+@compiled
+def _roll_spans(down, pitch, spans, scratch):
+    for k in range(spans.shape[0]):
+        foot, start, stop = spans[k, 0], spans[k, 1], spans[k, 2]
+        flats = 0
+        for t in range(start, stop):
+            if down[t, foot, HEEL] and down[t, foot, TOE]:
+                scratch[flats] = pitch[t, foot]
+                flats += 1
+        flat = median_of(scratch, flats) if flats else 0.0
+        lifted, raised = False, False
+        for t in range(start, stop):
+            angle = pitch[t, foot] - flat
+            lifted = angle < -_ROLLED or (lifted and angle < -_LEVEL)
+            raised = angle > _ROLLED or (raised and angle > _LEVEL)
+            down[t, foot, HEEL] = (down[t, foot, HEEL] and not lifted) or raised
+            down[t, foot, TOE] = (down[t, foot, TOE] and not raised) or lifted

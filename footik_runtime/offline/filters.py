@@ -122,3 +122,82 @@ def hold_last(mask: Bools, values: Array) -> Array:
     """(T,) the value at the last frame of the mask; infinite before the first."""
     last = np.maximum.accumulate(np.where(mask, np.arange(len(mask)), -1))
     return np.where(last >= 0, values[np.maximum(last, 0)], np.inf)
+
+
+def contact_spans(mask: Bools) -> Ints:
+    """(K, 3) column, start and stop of each run of True in (T, N), by column."""
+    frames, columns = mask.shape
+    padded = np.zeros((columns, frames + 2), dtype=bool)
+    padded[:, 1:-1] = mask.T
+    column, edge = np.nonzero(padded[:, 1:] != padded[:, :-1])
+    return np.stack([column[::2], edge[::2], edge[1::2]], axis=1).astype(np.int64)
+
+
+def span_medians(values: Array, spans: Ints) -> Array:
+    """(K,) medians of values (T, N) within spans (K, 3), as of `contact_spans`."""
+    out = np.empty(len(spans))
+    _span_medians(np.ascontiguousarray(values), spans, np.empty(len(values)), out)
+    return out
+
+
+def span_means(points: Array, spans: Ints) -> Array:
+    """(K, 3) means of points (T, N, 3) within spans (K, 3), as of `contact_spans`."""
+    out = np.zeros((len(spans), 3))
+    _span_means(points, spans, out)
+    return out
+
+
+@compiled
+def _span_medians(values, spans, scratch, out):
+    for k in range(spans.shape[0]):
+        column, start, stop = spans[k, 0], spans[k, 1], spans[k, 2]
+        for t in range(start, stop):
+            scratch[t - start] = values[t, column]
+        out[k] = median_of(scratch, stop - start)
+
+
+@compiled
+def _span_means(points, spans, out):
+    for k in range(spans.shape[0]):
+        column, start, stop = spans[k, 0], spans[k, 1], spans[k, 2]
+        for t in range(start, stop):
+            for c in range(3):
+                out[k, c] += points[t, column, c] / (stop - start)
+
+
+@compiled
+def median_of(scratch, count):
+    """The median of the first `count` of scratch, which are put out of order (Hoare's select)."""
+    upper = _selected(scratch, count, count // 2)
+    if count % 2 == 1:
+        return upper
+    # What is left of the place is no larger.
+    lower = scratch[0]
+    for i in range(1, count // 2):
+        lower = max(lower, scratch[i])
+    return 0.5 * (lower + upper)
+
+
+@compiled
+def _selected(scratch, count, place):
+    """The value that sorting would put at `place`; smaller ones end up left of it."""
+    low, high = 0, count - 1
+    while low < high:
+        pivot = scratch[(low + high) // 2]
+        i, j = low, high
+        while i <= j:
+            while scratch[i] < pivot:
+                i += 1
+            while scratch[j] > pivot:
+                j -= 1
+            if i <= j:
+                scratch[i], scratch[j] = scratch[j], scratch[i]
+                i += 1
+                j -= 1
+        if place <= j:
+            high = j
+        elif place >= i:
+            low = i
+        else:
+            break
+    return scratch[place]

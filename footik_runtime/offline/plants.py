@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footik_runtime import quat_arrays
+from footik_runtime.offline.filters import contact_spans
 from footik_runtime.offline.footprints import Footprints, footprints, still_ends
 from footik_runtime.offline.stages import (
     Bools,
@@ -90,15 +91,6 @@ def find(
             )
         )
     return tuple(plants)
-
-
-def contact_spans(down: Bools) -> Ints:
-    """(K, 3) foot, first frame and frame after the last of each contact in (N, F), by foot."""
-    feet, frames = np.arange(down.shape[1]), len(down)
-    padded = np.zeros((len(feet), frames + 2), dtype=bool)
-    padded[:, 1:-1] = down.T
-    foot, edge = np.nonzero(padded[:, 1:] != padded[:, :-1])
-    return np.stack([foot[::2], edge[::2], edge[1::2]], axis=1).astype(np.int64)
 
 
 def _cut_short(spans: Ints, frames: int, least: float) -> Bools:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
@@ -15,7 +14,7 @@ from footik_runtime.clip import Clip
 from footik_runtime.errors import FootIKError
 from footik_runtime.math3d import quat_between, quat_upright, rotate
 from footik_runtime.offline import detect
-from footik_runtime.offline.filters import runs
+from footik_runtime.offline.filters import contact_spans, span_means, span_medians
 from footik_runtime.offline.stages import Bools, CleanSettings, Contacts, Ground, Ints, Working
 from footik_runtime.phases import phase_curve, weight_curve
 from footik_runtime.rig import Leg, Rig, Sole, find_rig
@@ -162,19 +161,13 @@ def _belt_speed(soles: Array, contacts: Contacts, fps: float, notes: list[str]) 
     down = np.asarray(contacts.down[1:] & contacts.down[:-1])
     steps = np.diff(soles[:, :, :2], axis=0) * fps
     belt = np.median(steps[down], axis=0) if down.any() else contacts.belt.copy()
-    climbs = [np.median(steps[at, f, p, 2]) for f, p, at in _each_run(down)]
+    points = down.reshape(len(down), -1)
+    climbs = span_medians(steps[..., 2].reshape(points.shape), contact_spans(points))
     least = _INCLINED * float(np.linalg.norm(belt[:2]))
-    if not climbs or abs(np.mean(climbs)) < max(3.0 * float(np.std(climbs)), least):
+    if not len(climbs) or abs(np.mean(climbs)) < max(3.0 * float(np.std(climbs)), least):
         belt[2] = 0.0
     notes.append(f"the feet stand on a belt: {np.linalg.norm(belt):.2f} m/s against the root")
     return belt
-
-
-def _each_run(down: Bools) -> Iterator[tuple[int, int, slice]]:
-    """Foot, point and frames of each time that a point of (T, F, P) is down."""
-    for foot, point in np.ndindex(*down.shape[1:]):
-        for start, stop in runs(down[:, foot, point]):
-            yield foot, point, slice(start, stop)
 
 
 def _upright(soles: Array, contacts: Contacts, scale: float, notes: list[str]) -> Array:
@@ -193,11 +186,7 @@ def _upright(soles: Array, contacts: Contacts, scale: float, notes: list[str]) -
 
 def _stood(points: Array, down: Bools) -> Array:
     """(K, 3) where points (T, F, 3) were while `down` (T, F), on average over each such time."""
-    places = []
-    for f in range(down.shape[1]):
-        edges = np.flatnonzero(np.diff(down[:, f], prepend=False, append=False))
-        places += [points[a:b, f].mean(axis=0) for a, b in edges.reshape(-1, 2)]
-    return np.array(places).reshape(-1, 3)
+    return span_means(points, contact_spans(down))
 
 
 def _plane_normal(points: Array, scale: float) -> Array:
