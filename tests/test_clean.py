@@ -90,10 +90,12 @@ class Figures:
         self.cleaned = done = clean(clip, rig, **options)
         work = working(clip, rig, **options)
         self.work, self.rig = work, done.rig
+        upright = clip.rotations.copy()
+        upright[:, work.joints] = unpad(work, work.clip.rotations)
         before = replace(
             clip,
             root_positions=unpad(work, work.clip.root_positions),
-            rotations=unpad(work, work.clip.rotations),
+            rotations=upright,
             curves={},
         )
         rotations = done.clip.rotations.copy()

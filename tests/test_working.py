@@ -37,6 +37,11 @@ def on_the_spot(clip):
     return replace(clip, root_positions=clip.root_positions - velocity * clip.times[:, None])
 
 
+def same_soles(rig, other):
+    """Whether two rigs have the very same soles."""
+    return all(a.sole is b.sole for a, b in zip(rig.legs, other.legs, strict=True))
+
+
 class Level:
     def height(self, points):
         return np.zeros(len(points))
@@ -56,7 +61,7 @@ def test_a_loop_has_its_neighbour_cycles_around_it():
     positions, rotations = work.clip.model_pose()
     assert np.abs(positions - work.positions).max() < 1e-9
     assert np.abs(np.abs(np.sum(rotations * work.rotations, axis=-1)) - 1.0).max() < 1e-12
-    assert np.array_equal(unpad(work, work.positions), WALK.model_pose()[0])
+    assert np.abs(unpad(work, work.positions) - WALK.model_pose()[0][:, work.joints]).max() < 1e-12
 
 
 def test_a_turning_loop_is_padded_with_turned_cycles():
@@ -83,12 +88,12 @@ def test_told_contacts_keep_floor_and_soles_and_a_given_ground_all():
     lifted = replace(WALK, root_positions=WALK.root_positions + np.array([0.0, 0.0, 0.3]))
     told = working(lifted, RIG)
     assert not told.shift.any()
-    assert told.rig is RIG
+    assert same_soles(told.rig, RIG)
     bare = working(replace(lifted, curves={}), RIG)
     assert np.allclose(unpad(bare, bare.shift)[:, 2], -0.3, atol=1e-3)
     given = working(replace(lifted, curves={}), RIG, ground=Level())
     assert not given.shift.any()
-    assert given.rig is RIG
+    assert same_soles(given.rig, RIG)
     again = working(lifted, RIG, settings=CleanSettings(redetect=True))
     assert again.shift.any()
 
@@ -108,7 +113,7 @@ def test_a_belt_is_taken_out_exactly_where_feet_stand_still(loop):
         stays = (phases[1:] == phase) & (phases[:-1] == phase)
         assert np.linalg.norm(np.diff(soles, axis=0)[stays][:, point], axis=-1).max() < 1e-4
     back = seen_from_input(work, unpad(work, work.positions))
-    assert np.abs(back - spot.model_pose()[0]).max() < 1e-9
+    assert np.abs(back - spot.model_pose()[0][:, work.joints]).max() < 1e-9
 
 
 def test_no_belt_under_a_walk_that_travels():
@@ -127,7 +132,7 @@ def test_a_tilted_floor_is_levelled_and_turned_back(axis):
     # A straight walk says little about the tilt across its way: that is left to the plants.
     assert np.degrees(np.linalg.norm(left)) < (0.3 if axis[1] else 2.0)
     back = seen_from_input(work, unpad(work, work.positions))
-    assert np.abs(back - clip.model_pose()[0]).max() < 1e-9
+    assert np.abs(back - clip.model_pose()[0][:, work.joints]).max() < 1e-9
     positions, _ = work.clip.model_pose()
     assert np.abs(positions - work.positions).max() < 1e-9
 

@@ -49,10 +49,7 @@ def score(
         raise unknown_name("suite", suite, SUITES)
     if json_file is not None:
         require_writable(json_file)
-    if suite == "contacts":
-        told = _contacts(clips, noise, drift, seeds)
-    else:
-        told = _cleanup(clips)
+    told = _contacts(clips, noise, drift, seeds) if suite == "contacts" else _cleanup(clips)
     if json_file is not None:
         write_json(json_file, {"command": "score", "suite": suite, **told})
 

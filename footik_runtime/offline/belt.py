@@ -17,6 +17,7 @@ _LOW = 0.06  # m over the lowest of a point's path at which it says e times less
 _WIDTH = 0.15  # m/s, of the mode's kernel
 _LEAST = 0.3  # m/s: slower is drift
 _FEWEST, _SAMPLES = 8, 400
+_FRAMES = 2000  # of a long clip that tell
 
 
 def belt_velocity(height: Array, velocity: Array, missing: Bools, fps: float, left: float) -> Array:
@@ -26,25 +27,9 @@ def belt_velocity(height: Array, velocity: Array, missing: Bools, fps: float, le
     (T, N), velocity (T, N, 3), missing (T, N); left: noise of the velocity, m/s an axis.
     """
     still = np.zeros(3)
-    n = max(1, round(_STEP * fps))
-    if len(height) <= 2 * n or missing.all():
-        return still
-    change = np.full(height.shape, np.inf)
-    change[n:-n] = np.linalg.norm((velocity[2 * n :] - velocity[: -2 * n])[..., :2], axis=-1)
-    seen = ~missing.all(axis=0)
-    known = np.where(missing, np.nan, height)[:, seen]
-    over = np.full(height.shape, np.inf)
-    over[:, seen] = known - np.nanpercentile(known, 2.0, axis=0)
-    low = np.zeros(height.shape, dtype=bool)
-    low[:, seen] = known < np.nanmedian(known, axis=0)
-    uneven = _SHARE * np.linalg.norm(velocity[..., :2], axis=-1)
-    rising = np.abs(velocity[..., 2]) >= np.maximum(_RISE, uneven) + 2.0 * left
-    steady = low & (change < np.maximum(_CHANGE, uneven) + 4.0 * left) & ~rising & ~missing
-    samples, weights = velocity[steady], np.exp(-np.maximum(over[steady], 0.0) / _LOW)
+    samples, weights = _steady(height, velocity, missing, max(1, round(_STEP * fps)), left)
     if len(samples) < _FEWEST:
         return still
-    apart = max(len(samples) // _SAMPLES, 1)
-    samples, weights = samples[::apart], weights[::apart]
     width = math.hypot(_WIDTH, 1.5 * left)
     apart = np.sum((samples[:, None, :2] - samples[None, :, :2]) ** 2, axis=-1)
     density = np.exp(-0.5 * apart / width**2) @ weights
@@ -57,3 +42,28 @@ def belt_velocity(height: Array, velocity: Array, missing: Bools, fps: float, le
     if math.hypot(peak[0], peak[1]) < _LEAST or density.max() < 2.0 * at_rest:
         return still
     return peak
+
+
+def _steady(
+    height: Array, velocity: Array, missing: Bools, n: int, left: float
+) -> tuple[Array, Array]:
+    """(S, 3) velocities of low points that hardly change over n frames, and the weight of each."""
+    frames = np.arange(n, len(height) - n, max(1, len(height) // _FRAMES))
+    seen = ~missing[frames].all(axis=0)
+    if not seen.any():
+        return np.zeros((0, 3)), np.zeros(0)
+    known = np.where(missing[frames], np.nan, height[frames])[:, seen]
+    low = np.zeros((len(frames), height.shape[1]), dtype=bool)
+    low[:, seen] = known < np.nanmedian(known, axis=0)
+    t, i = np.nonzero(low)
+    t = frames[t]
+    samples = velocity[t, i]
+    change = np.linalg.norm((velocity[t + n, i] - velocity[t - n, i])[:, :2], axis=-1)
+    uneven = _SHARE * np.linalg.norm(samples[:, :2], axis=-1)
+    level = np.abs(samples[:, 2]) < np.maximum(_RISE, uneven) + 2.0 * left
+    steady = level & (change < np.maximum(_CHANGE, uneven) + 4.0 * left)
+    lowest = np.zeros(height.shape[1])
+    lowest[seen] = np.nanpercentile(known, 2.0, axis=0)
+    over = np.maximum(height[t, i] - lowest[i], 0.0)[steady]
+    apart = max(int(steady.sum()) // _SAMPLES, 1)
+    return samples[steady][::apart], np.exp(-over / _LOW)[::apart]

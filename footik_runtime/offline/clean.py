@@ -65,17 +65,18 @@ def clean(
     moves = unpad(work, root_moves).copy()
     if work.pad and work.closed:
         moves[-1] = quat_arrays.rotate(_turn(clip), moves[0])
+    within = _within(found, work)
     cleaned = _put_back(clip, work, moves, rotations, translations, settings)
     return Cleaned(
         clip=cleaned,
         rig=fitted_rig(rig, work),
         contacts=_cropped(contacts, work),
-        plants=_within(found, work),
+        plants=within,
         phases=unpad(work, plants.phases_of(found, contacts.foot.shape)),
         root_moves=moves,
         work=work,
         ground=ground,
-        report=_report(work, contacts, found, moves, reached | ~paths.pinned),
+        report=_report(work, contacts, within, moves, reached | ~paths.pinned),
     )
 
 
@@ -225,7 +226,7 @@ def _report(
                 "place": [float(v) for v in 0.5 * (plant.heel + plant.ball)],
                 "change_mm": 1000.0 * plant.change,
             }
-            for plant in _within(found, work)
+            for plant in found
         ],
         "loop": work.pad > 0,
         "root_largest_mm": 1000.0 * largest,

@@ -181,7 +181,7 @@ def _cores(seen: _Motion, settings: ContactSettings) -> Bools:
     slow = seen.speed < np.array(settings.core_speed)
     frames, feet = slow.shape[:2]
     spans = contact_spans(slow.reshape(frames, -1))
-    points, starts, stops = spans.T
+    starts, stops = spans[:, 1], spans[:, 2]
     inside = (starts > 0) & (stops < frames)
     short = inside & (stops - starts < settings.shortest_core * seen.fps)
     for point, start, stop in spans[short]:

@@ -96,10 +96,9 @@ def _knee_hinge(work: Working, leg: Leg) -> Array:
 def leg_spans(rig: Rig, positions: Array) -> tuple[Array, Array]:
     """Of poses (N, J, 3): (N, F) the legs' lengths hip-knee-ankle, and hip to ankle, m."""
     chains = np.array([(leg.hip, leg.knee, leg.ankle) for leg in rig.legs]).reshape(-1, 3)
-    hip, knee, ankle = (positions[:, chains[:, k]] for k in range(3))
-    thigh = np.linalg.norm(knee - hip, axis=-1)
-    shin = np.linalg.norm(ankle - knee, axis=-1)
-    return thigh + shin, np.linalg.norm(ankle - hip, axis=-1)
+    lengths, spans = (np.empty((len(positions), len(chains))) for _ in range(2))
+    _measure_legs(chains, positions, lengths, spans)
+    return lengths, spans
 
 
 def usable_lengths(work: Working, settings: CleanSettings) -> Array:
@@ -125,6 +124,19 @@ def _stretched(work: Working, stretches: NDArray[np.float64]) -> Array | None:
             if joint not in above:
                 out[longer, joint] *= stretches[longer, f, None]
     return out
+
+
+@compiled
+def _measure_legs(chains, positions, lengths, spans):
+    for t in range(positions.shape[0]):
+        for f in range(chains.shape[0]):
+            hip, knee, ankle = (
+                get3(positions[t, chains[f, 0]]),
+                get3(positions[t, chains[f, 1]]),
+                get3(positions[t, chains[f, 2]]),
+            )
+            lengths[t, f] = norm(sub(knee, hip)) + norm(sub(ankle, knee))
+            spans[t, f] = norm(sub(ankle, hip))
 
 
 @compiled

@@ -18,6 +18,8 @@ from footik_runtime.math3d import (
     dot,
     get3,
     norm,
+    quat_from_rotvec,
+    rotate,
     scale,
     set3,
     sub,
@@ -58,13 +60,11 @@ def spread(
 
 def moved_soles(work: Working, paths: FootPaths) -> Array:
     """(N, F, 3, 3) heel, ball and tip of every foot where `paths` put them, m."""
-    ankles = work.positions[:, [leg.ankle for leg in work.rig.legs]]
-    turns = quat_arrays.from_rotvec(paths.turns)
-    points = quat_arrays.rotate(turns[:, :, None], work.soles - ankles[:, :, None])
-    points += (ankles + paths.moves)[:, :, None]
-    ball = points[:, :, BALL]
-    toes = quat_arrays.from_rotvec(paths.toe_turns)
-    points[:, :, TIP] = ball + quat_arrays.rotate(toes, points[:, :, TIP] - ball)
+    ankles = np.array([leg.ankle for leg in work.rig.legs])
+    points = np.empty(work.soles.shape)
+    _move_soles(
+        ankles, work.positions, work.soles, paths.moves, paths.turns, paths.toe_turns, points
+    )
     return points
 
 
@@ -178,6 +178,22 @@ def _fade(values, pinned, ease):
             if b - a > 1:
                 _fill(values, pinned, foot, a, b, ease)
             a = b
+
+
+@compiled
+def _move_soles(ankles, positions, soles, moves, turns, toe_turns, out):
+    for t in range(soles.shape[0]):
+        for f in range(soles.shape[1]):
+            ankle = get3(positions[t, ankles[f]])
+            goal = add(ankle, get3(moves[t, f]))
+            turn = quat_from_rotvec(get3(turns[t, f]))
+            for p in range(3):
+                point = sub(get3(soles[t, f, p]), ankle)
+                set3(out[t, f, p], add(goal, rotate(turn, point)))
+            ball = get3(out[t, f, BALL])
+            toes = sub(get3(out[t, f, TIP]), ball)
+            bent = rotate(quat_from_rotvec(get3(toe_turns[t, f])), toes)
+            set3(out[t, f, TIP], add(ball, bent))
 
 
 @compiled

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
@@ -121,10 +121,8 @@ def _legs_only(clip: Clip, rig: Rig) -> tuple[Clip, Rig, Ints]:
     ends = [leg.toe if leg.toe >= 0 else leg.ankle for leg in rig.legs]
     joints = sorted({j for end in (rig.hips, *ends) for j in skeleton.chain(end)})
     place = {joint: i for i, joint in enumerate(joints)} | {-1: -1}
-    legs = tuple(
-        replace(leg, **{part: place[getattr(leg, part)] for part in ("hip", "knee", "ankle", "toe")})
-        for leg in rig.legs
-    )
+    parts = ("hip", "knee", "ankle", "toe")
+    legs = tuple(replace(leg, **{p: place[getattr(leg, p)] for p in parts}) for leg in rig.legs)
     alone = clip.only(joints)
     rig = replace(rig, skeleton=alone.skeleton, hips=place[rig.hips], legs=legs)
     return alone, rig, np.array(joints, dtype=np.int64)
