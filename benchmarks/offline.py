@@ -106,7 +106,7 @@ def timed(clip: Clip, rig: Rig, rounds: int) -> Samples:
 
     def both() -> None:
         done = clean(clip, rig)
-        bake(done.clip, done.contacts, done.rig)
+        bake(done.clip, done.held, done.rig)
 
     for _ in range(rounds):
         spent = 0.0
@@ -115,7 +115,7 @@ def timed(clip: Clip, rig: Rig, rounds: int) -> Samples:
             spent += took
             samples[line].append(took)
         samples[PUT_BACK].append(max(seconds_of(lambda: clean(clip, rig)) - spent, 0.0))
-        curves = seconds_of(lambda: bake(cleaned.clip, cleaned.contacts, cleaned.rig))
+        curves = seconds_of(lambda: bake(cleaned.clip, cleaned.held, cleaned.rig))
         samples[BAKE].append(curves)
         samples[WHOLE].append(seconds_of(both))
     return {line: [1e6 * t / len(clip) for t in times] for line, times in samples.items()}
@@ -143,7 +143,7 @@ def memory_of_many(clip: Clip, rig: Rig) -> dict[int, float]:
     held = {}
     for count in range(1, MANY + 1):
         done = clean(clip, rig)
-        bake(done.clip, done.contacts, done.rig)
+        bake(done.clip, done.held, done.rig)
         del done
         if count in (FEW, MANY):
             gc.collect()

@@ -29,7 +29,7 @@ print(f"pinned points slid at {before:.1f} mm/s, now at {after:.2f}")
 for note in cleaned.report["notes"]:
     print("note:", note)
 
-baked = footik.bake(cleaned.clip, cleaned.contacts, cleaned.rig)
+baked = footik.bake(cleaned.clip, cleaned.held, cleaned.rig)
 keys = baked.extras["curve_keys"]
 print("curves:", ", ".join(f"{name} ({len(keys[name].times)} keys)" for name in keys))
 

@@ -214,8 +214,8 @@ def test_a_second_pass_with_the_same_contacts_changes_next_to_nothing(name):
         for f, leg in enumerate(once.rig.legs)
     }
     twice = clean(once.clip.with_curves(**told), once.rig)
-    # A run is flat for a frame or two: which ones is told anew.
-    most = 0.008 if name == "run" else 2e-4
+    # A run is flat for a frame or two, a jumper long on the balls: which frames is told anew.
+    most = 2e-4 if name == "walk" else 0.008
     assert np.abs(joints(twice.clip) - joints(once.clip)).max() < most
 
 

@@ -87,4 +87,4 @@ def _bake_one(clip: Clip, settings: BakeSettings, redetect: bool) -> Clip:
         return bake_clip(clip, None, rig, settings)
     how = CleanSettings(redetect=redetect)
     found = clean(clip, rig, settings=how)
-    return bake_clip(clip, found.contacts, rig, settings)
+    return bake_clip(clip, found.held, rig, settings)

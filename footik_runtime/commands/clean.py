@@ -38,7 +38,7 @@ def clean(
     snap: bool = True,
     level: bool = False,
     redetect: bool = False,
-    ease: float = 0.15,
+    ease: float = CleanSettings.ease,
     curves: bool = True,
     replace: bool = False,
     animation: str | None = None,
@@ -142,7 +142,7 @@ def _clean_one(
     if baking is not None:
         from dataclasses import replace as changed
 
-        baked = bake(cleaned.clip, cleaned.contacts, cleaned.rig, baking)
+        baked = bake(cleaned.clip, cleaned.held, cleaned.rig, baking)
         cleaned = changed(cleaned, clip=baked)
     return clip, cleaned, table
 

@@ -9,6 +9,7 @@ the smoothing.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -28,10 +29,11 @@ from footik_runtime.offline.filters import (
     noise_sd,
     runs,
     sliding_mean,
+    span_means,
     span_medians,
 )
 from footik_runtime.offline.stages import CleanSettings, Contacts, ContactSettings, Working
-from footik_runtime.phases import Phase, phase_curve
+from footik_runtime.phases import Phase, phase_curve, weight_curve
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -43,6 +45,7 @@ _KERNEL = 4.0 * math.sqrt(math.pi)  # white noise through a differentiated Gauss
 _STEP = math.sqrt(2.0 * math.pi)  # slope of a smoothed step: its height over sigma and this
 _TRAVEL = 0.5  # s to either side in which the body's speed is averaged
 _SUREST = 0.3  # width of the confidence's slope, in parts of a threshold, on clean motion
+_ONE_FLOOR = 0.05  # m: balls that stand within it stand on one level floor
 _LEVEL, _ROLLED = math.radians(3.0), math.radians(6.0)  # pitch of a flat sole, of one that rolls
 
 
@@ -109,20 +112,61 @@ def contacts(
 
 
 def of_clip(work: Working, settings: CleanSettings) -> Contacts:
-    """Contacts of a working clip: from its phase curves, or from its soles' motion and pitch.
+    """Contacts of a working clip: from its curves, and where it has none from its soles' motion.
 
-    Its belt is out already.
+    A phase curve tells heel and toe, a weight curve the contact, of which the sole's pitch tells
+    the rest. Its belt is out already. Raises FootIKError for a phase that is no `Phase`.
     """
-    names = [phase_curve(leg.name) for leg in work.rig.legs]
-    if not settings.redetect and all(name in work.clip.curves for name in names):
-        return _told(work, names)
+    phases = {} if settings.redetect else given_phases(work)
+    weights = {} if settings.redetect else _given_weights(work)
+    if len(phases) == len(work.rig.legs):
+        return _told(work, phases)
     found = work.contacts
     if found is None:
         still = replace(settings.contact, belt="none")
         found = contacts(work.soles[:, :, :2], work.clip.fps, scale=work.scale, settings=still)
     down = found.down.copy()
-    _roll(down, _pitch(work))
+    for foot, held in weights.items():
+        down[:, foot] = held[:, None]
+    _roll(down, work.soles, _pitch(work), work.scale)
+    for foot, phase in phases.items():
+        down[:, foot] = _down(phase)
     return replace(found, down=down, belt=work.belt)
+
+
+def given_phases(work: Working) -> dict[int, NDArray[np.int8]]:
+    """Leg -> (N,) the phase its curve gives; a blend of two (2.5) counts as the frame before.
+
+    Raises FootIKError for a value that is no `Phase`.
+    """
+    given = {}
+    for i, leg in enumerate(work.rig.legs):
+        curve = phase_curve(leg.name)
+        if curve in work.clip.curves:
+            given[i] = _whole_phases(work, curve)
+    return given
+
+
+def _whole_phases(work: Working, curve: str) -> NDArray[np.int8]:
+    values = np.asarray(work.clip.curves[curve], dtype=np.float64)
+    bad = np.flatnonzero((values < Phase.SWING) | (values > Phase.BALL))
+    if len(bad):
+        own = bad[bad >= work.pad][0]
+        raise FootIKError(
+            f"{work.clip.name}: curve {curve!r} is {values[own]:g} at frame {own - work.pad}; a "
+            f"phase is {', '.join(f'{p.value} ({p.name.lower()})' for p in Phase)}."
+        )
+    whole = np.abs(values - np.round(values)) < 1e-6
+    whole[0] = True
+    last = np.maximum.accumulate(np.where(whole, np.arange(len(values)), 0))
+    return np.round(values[last]).astype(np.int8)
+
+
+def _given_weights(work: Working) -> dict[int, Bools]:
+    """Leg -> (N,) whether its weight curve says that it is in contact."""
+    names = {i: weight_curve(leg.name) for i, leg in enumerate(work.rig.legs)}
+    curves = work.clip.curves
+    return {i: np.asarray(curves[name]) >= 0.5 for i, name in names.items() if name in curves}
 
 
 def _too_short(points: Array, fps: float) -> Contacts:
@@ -189,34 +233,37 @@ def _cores(seen: _Motion, settings: ContactSettings) -> Bools:
     spans = spans[~short]
     heights = span_medians(seen.height.reshape(frames, 2 * feet), spans)
     standing = slow.copy()
-    for k in np.flatnonzero(_over_neighbours(spans[:, 0], heights) > settings.hover):
+    over = _over_neighbours(spans[:, 0], heights)
+    for k in np.flatnonzero(over > settings.hover):
         (foot, point), (start, stop) = divmod(spans[k, 0], 2), spans[k, 1:]
-        if _another_lower(seen, slow, foot, start, stop, heights[k], settings):
+        most = settings.hover if np.isfinite(over[k]) else settings.hover_alone
+        if _another_lower(seen, slow, foot, start, stop, heights[k] - most):
             standing[start:stop, foot, point] = False
     return standing
 
 
 def _over_neighbours(points: Ints, heights: Array) -> Array:
-    """(K,) height of each core over the higher of the same point's before and after, m."""
+    """(K,) height of each core over the higher of the same point's before and after, m.
+
+    Infinite where there is neither.
+    """
     if not len(heights):
         return heights
     lone = np.full(1, -np.inf)
     same = points[1:] == points[:-1]
     before = np.concatenate([lone, np.where(same, heights[:-1], -np.inf)])
     after = np.concatenate([np.where(same, heights[1:], -np.inf), lone])
-    beside = np.maximum(before, after)
-    return np.where(np.isfinite(beside), heights - beside, 0.0)
+    return heights - np.maximum(before, after)
 
 
 def _another_lower(
-    seen: _Motion, slow: Bools, foot: int, start: int, stop: int, height: float, settings
+    seen: _Motion, slow: Bools, foot: int, start: int, stop: int, height: float
 ) -> bool:
-    """Whether another foot stands all the while, well under this one: this one is held up."""
+    """Whether another foot stands all the while, under this height: this one is held up."""
     for other in range(slow.shape[1]):
-        if other != foot and slow[start:stop, other].any(axis=-1).all():
-            lowest = np.median(seen.height[start:stop, other].min(axis=-1))
-            if height - lowest > settings.hover:
-                return True
+        stands = other != foot and slow[start:stop, other].any(axis=-1).all()
+        if stands and np.median(seen.height[start:stop, other].min(axis=-1)) < height:
+            return True
     return False
 
 
@@ -291,12 +338,9 @@ def _long_gaps(missing: Bools, fps: float, settings: ContactSettings) -> Bools:
 # --- clips --------------------------------------------------------------------------------------
 
 
-def _told(work: Working, names: list[str]) -> Contacts:
+def _told(work: Working, phases: Mapping[int, NDArray[np.int8]]) -> Contacts:
     """What the phase curves of a working clip say."""
-    phase = np.stack([work.clip.curves[name] for name in names], axis=-1).round()
-    heel = (phase == Phase.HEEL) | (phase == Phase.FLAT)
-    toe = (phase == Phase.BALL) | (phase == Phase.FLAT)
-    down = np.stack([heel, toe], axis=-1)
+    down = np.stack([_down(phase) for _, phase in sorted(phases.items())], axis=1)
     height = work.soles[:, :, :2, 2]
     return Contacts(
         fps=work.clip.fps,
@@ -305,6 +349,13 @@ def _told(work: Working, names: list[str]) -> Contacts:
         ground=_held(down, height),
         belt=np.zeros(3),
     )
+
+
+def _down(phase: NDArray[np.int8]) -> Bools:
+    """(N, 2) whether heel and toe carry in each phase (N,)."""
+    heel = (phase == Phase.HEEL) | (phase == Phase.FLAT)
+    toe = (phase == Phase.BALL) | (phase == Phase.FLAT)
+    return np.stack([heel, toe], axis=-1)
 
 
 def _held(down: Bools, height: Array) -> Array:
@@ -330,17 +381,29 @@ def _pitch(work: Working) -> Array:
     return pitch
 
 
-def _roll(down: Bools, pitch: Array) -> None:
-    """Let a sole's pitch over its own contact's tell heel-off and toe-down, in place.
+def _roll(down: Bools, soles: Array, pitch: Array, scale: float) -> None:
+    """Let a sole's pitch tell heel-off and toe-down in contacts (T, F, 2), in place.
 
-    Points are slow about the moment they leave the ground; the sole's angle is not.
+    Points are slow about the moment they leave the ground; the sole's angle is not. It is told
+    against the foot's pitch when flat: its usual one on a level floor, else the contact's own. A
+    foot that stands on its ball for a while is as still as a flat one.
     """
     spans = contact_spans(np.asarray(down.any(axis=-1)))
-    _roll_spans(down, pitch, spans, np.empty(len(down)))
+    if not len(spans):
+        return
+    scratch, own = np.empty(len(down) * down.shape[1]), np.empty(len(spans))
+    _flat_pitches(down, pitch, spans, scratch, own)
+    if np.ptp(span_means(soles[:, :, TOE], spans)[:, 2]) < _ONE_FLOOR * scale:
+        for foot in range(down.shape[1]):
+            flat = np.asarray(down[:, foot].all(axis=-1))
+            if flat.any():
+                own[spans[:, 0] == foot] = np.median(pitch[flat, foot])
+    _roll_spans(down, pitch, spans, own)
 
 
 @compiled
-def _roll_spans(down, pitch, spans, scratch):
+def _flat_pitches(down, pitch, spans, scratch, out):
+    """Write each contact's median pitch while both ends are down; 0 where they never are."""
     for k in range(spans.shape[0]):
         foot, start, stop = spans[k, 0], spans[k, 1], spans[k, 2]
         flats = 0
@@ -348,10 +411,16 @@ def _roll_spans(down, pitch, spans, scratch):
             if down[t, foot, HEEL] and down[t, foot, TOE]:
                 scratch[flats] = pitch[t, foot]
                 flats += 1
-        flat = median_of(scratch, flats) if flats else 0.0
+        out[k] = median_of(scratch, flats) if flats else 0.0
+
+
+@compiled
+def _roll_spans(down, pitch, spans, flats):
+    for k in range(spans.shape[0]):
+        foot, start, stop = spans[k, 0], spans[k, 1], spans[k, 2]
         lifted, raised = False, False
         for t in range(start, stop):
-            angle = pitch[t, foot] - flat
+            angle = pitch[t, foot] - flats[k]
             lifted = angle < -_ROLLED or (lifted and angle < -_LEVEL)
             raised = angle > _ROLLED or (raised and angle > _LEVEL)
             down[t, foot, HEEL] = (down[t, foot, HEEL] and not lifted) or raised

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
-from footik_runtime import quat_arrays
 from footik_runtime.clip import Clip
 from footik_runtime.measures import pinned_point_speed
 from footik_runtime.metrics import score
 from footik_runtime.offline.spread import heights_under
 from footik_runtime.offline.stages import Cleaned
-from footik_runtime.offline.working import unpad
+from footik_runtime.offline.working import as_worked
 from footik_runtime.recorded import Run
 from footik_runtime.sole import BALL, all_sole_points
 
@@ -26,7 +23,7 @@ PINNED = "pinned_point_speed"
 def runs(before: Clip, cleaned: Cleaned) -> dict[str, Run]:
     """The clip before and after cleanup as runs on the ground that was found, levelled."""
     clips = {BEFORE: before, AFTER: cleaned.clip}
-    return {name: run_of(as_worked(clip, cleaned), cleaned) for name, clip in clips.items()}
+    return {name: run_of(as_seen(clip, cleaned), cleaned) for name, clip in clips.items()}
 
 
 def compare(before: Clip, cleaned: Cleaned) -> dict[str, dict[str, float]]:
@@ -41,16 +38,9 @@ def compare(before: Clip, cleaned: Cleaned) -> dict[str, dict[str, float]]:
     }
 
 
-def as_worked(clip: Clip, cleaned: Cleaned) -> Clip:
+def as_seen(clip: Clip, cleaned: Cleaned) -> Clip:
     """A clip as cleanup saw it: level, off its belt, on its floor."""
-    work = cleaned.work
-    if work is None:
-        return clip
-    upright = quat_arrays.conj(work.back)
-    rotations = clip.rotations.copy()
-    rotations[:, 0] = quat_arrays.mul(upright, rotations[:, 0])
-    roots = quat_arrays.rotate(upright, clip.root_positions) + unpad(work, work.shift)
-    return replace(clip, root_positions=roots, rotations=rotations)
+    return clip if cleaned.work is None else as_worked(clip, cleaned.work)
 
 
 def ground_of(cleaned: Cleaned, soles: Array) -> Array:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from footik_runtime.clip import Clip
 from footik_runtime.metrics import MEASURES, as_json
-from footik_runtime.offline.measure_clip import AFTER, BEFORE, as_worked, run_of
+from footik_runtime.offline.measure_clip import AFTER, BEFORE, as_seen, run_of
 from footik_runtime.offline.stages import Cleaned
 from footik_runtime.sole import BALL, HEEL
 
@@ -48,7 +48,7 @@ def _data(
     step = -(-len(before) // MOST_FRAMES)
     joints, heights, speeds = {}, {}, {}
     for name, clip in ((BEFORE, before), (AFTER, cleaned.clip)):
-        worked = as_worked(clip, cleaned)
+        worked = as_seen(clip, cleaned)
         run = run_of(worked, cleaned)
         points = run.sole[:, :, [HEEL, BALL]]
         height = points[..., 2] - run.ground[:, :, [HEEL, BALL]]

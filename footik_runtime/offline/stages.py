@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, Literal, Protocol
 
 import numpy as np
@@ -76,6 +76,7 @@ class ContactSettings:
     captured: float = 0.010
     strictest: float = 0.25  # of the thresholds, for feet that stand quite still
     hover: float = 0.04  # m: see detect.py
+    hover_alone: float = 0.12  # m: the same of a point that stands nowhere else
     longest_gap: float = 0.20  # s of missing points bridged
     belt: Literal["auto", "none"] = "auto"
 
@@ -237,3 +238,13 @@ class Cleaned:
     work: Working | None = None
     ground: Ground | None = None
     report: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def held(self) -> Contacts:
+        """When plants hold heel and toe: what curves are baked from.
+
+        `contacts` may reach a little further, while a foot comes down or already leaves.
+        """
+        heel = (self.phases == Phase.HEEL) | (self.phases == Phase.FLAT)
+        toe = (self.phases == Phase.BALL) | (self.phases == Phase.FLAT)
+        return replace(self.contacts, down=np.stack([heel, toe], axis=-1))

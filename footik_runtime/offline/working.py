@@ -106,8 +106,21 @@ def working(
 
 def fitted_rig(rig: Rig, work: Working) -> Rig:
     """The clip's rig with the soles that were fitted in the working clip."""
-    legs = zip(rig.legs, work.rig.legs, strict=True)
+    legs = list(zip(rig.legs, work.rig.legs, strict=True))
+    if all(leg.sole is worked.sole for leg, worked in legs):
+        return rig
     return replace(rig, legs=tuple(replace(leg, sole=worked.sole) for leg, worked in legs))
+
+
+def as_worked(clip: Clip, work: Working) -> Clip:
+    """The whole clip as cleanup saw its legs: level, off its belt, on its floor."""
+    upright = quat_arrays.conj(work.back)
+    shift = unpad(work, work.shift)
+    if not shift.any() and upright[0] == 1.0:
+        return clip
+    rotations = clip.rotations.copy()
+    rotations[:, 0] = quat_arrays.mul(upright, rotations[:, 0])
+    return clip.moved(quat_arrays.rotate(upright, clip.root_positions) + shift, rotations)
 
 
 def unpad(work: Working, values: NDArray[_T]) -> NDArray[_T]:
