@@ -6,6 +6,7 @@ import base64
 import json
 import re
 import sys
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -15,9 +16,12 @@ import pytest
 from footik_runtime import cli, gait
 from footik_runtime.builtin import humanoid_rig
 from footik_runtime.clip import Clip
+from footik_runtime.errors import FootIKError
 from footik_runtime.formats import load_clip, save_clip
+from footik_runtime.motion import Motion
 from footik_runtime.offline.skate import inject, true_walk
-from footik_runtime.phases import weight_curve
+from footik_runtime.phases import phase_curve, weight_curve
+from footik_runtime.rig import find_rig
 
 
 def run(monkeypatch, capsys, *arguments) -> tuple[int, str, str]:
@@ -181,11 +185,113 @@ def test_a_report_is_one_page_that_fetches_nothing(monkeypatch, capsys, folder, 
 
 
 def test_a_name_cannot_break_out_of_the_report(skating, tmp_path, monkeypatch, capsys):
-    from dataclasses import replace
-
     save_clip(replace(skating, name="</script><b>x"), tmp_path / "x.npz")
     run(monkeypatch, capsys, "clean", tmp_path / "x.npz", "-o", tmp_path / "y.npz",
         "--report", tmp_path / "r.html")  # fmt: skip
     text = (tmp_path / "r.html").read_text()
     assert text.count("</script>") == 1
     assert "<b>x" not in text.replace("<\\/script><b>x", "").split("<script>")[0]
+
+
+def test_a_folders_report_is_a_table_of_all_clips_with_their_pages(
+    monkeypatch, capsys, folder, tmp_path
+):
+    (folder / "broken.bvh").write_text("HIERARCHY\nROOT")
+    out = tmp_path / "done"
+    code, _, _ = run(monkeypatch, capsys, "clean", folder, "-o", out, "--report", out / "all.html",
+                     "--redetect")  # fmt: skip
+    assert code == 1
+    text = (out / "all.html").read_text()
+    assert "http" not in text
+    rows = json.loads(re.search(r"const ROWS = (\[.*\]);", text).group(1).replace("<\\/", "</"))
+    by_name = {Path(row["file"]).name: row for row in rows}
+    assert sorted(by_name) == ["broken.bvh", "one.bvh", "two.npz"]
+    assert "line" in by_name["broken.bvh"]["error"]
+    for name in ("one.bvh", "two.npz"):
+        row = by_name[name]
+        before, after = row["pinned_point_speed"]
+        assert after < 0.05 * before
+        assert (out / row["page"]).read_text().startswith("<!doctype html>")
+        assert row["plants"] > 4
+
+
+def test_a_job_that_fails_half_way_leaves_nothing_behind(monkeypatch, capsys, folder, tmp_path):
+    def breaks(*_arguments, **_options):
+        raise FootIKError("the disk is full.")
+
+    monkeypatch.setattr("footik_runtime.formats.write_bvh", breaks)
+    source = (folder / "one.bvh").read_bytes()
+    code, _, err = run(monkeypatch, capsys, "clean", folder / "one.bvh", "-o", tmp_path / "o.bvh",
+                       "--report", tmp_path / "r.html", "--export", "csv")  # fmt: skip
+    assert (code, err) == (1, "footik: the disk is full.\n")
+    assert [path.name for path in tmp_path.iterdir()] == ["takes"]
+    assert (folder / "one.bvh").read_bytes() == source
+
+
+@pytest.mark.parametrize("command", ["clean", "bake", "inspect", "walk"])
+def test_legs_may_be_named(monkeypatch, capsys, skating, tmp_path, command):
+    names = tuple(f"joint{i}" for i in range(len(skating.skeleton)))
+    skeleton = replace(skating.skeleton, names=names)
+    save_clip(replace(skating, skeleton=skeleton), tmp_path / "x.npz")
+    legs = [
+        f"{leg.name}=" + ",".join(names[getattr(leg, part)] for part in PARTS)
+        for leg in humanoid_rig().legs
+    ]
+    arguments = {
+        "clean": ("clean", tmp_path / "x.npz", "-o", tmp_path / "y.npz"),
+        "bake": ("bake", tmp_path / "x.npz", "-o", tmp_path / "y.npz"),
+        "inspect": ("inspect", tmp_path / "x.npz"),
+        "walk": ("walk", "--clip", tmp_path / "x.npz", "--seconds", "0.5"),
+    }[command]
+    code, out, err = run(monkeypatch, capsys, *arguments, "--legs", *legs)
+    assert code == 0, err
+    assert out
+    wrong = [legs[0], legs[1].replace("joint", "jiont")]
+    code, _, err = run(monkeypatch, capsys, *arguments, "--legs", *wrong)
+    assert code == 1
+    assert re.search(r"unknown joint 'jiont\d+'. Did you mean 'joint", err)
+    code, _, err = run(monkeypatch, capsys, *arguments, "--legs", "left=joint1")
+    assert "a leg is NAME=HIP,KNEE,ANKLE" in err
+
+
+PARTS = ("hip", "knee", "ankle", "toe")
+
+
+def test_inspect_tells_contacts_and_curves_with_their_keys(monkeypatch, capsys, folder, tmp_path):
+    run(monkeypatch, capsys, "bake", folder / "one.bvh", "-o", tmp_path / "b.npz", "--redetect")
+    code, out, _ = run(
+        monkeypatch, capsys, "inspect", tmp_path / "b.npz", "--json", tmp_path / "i.json"
+    )
+    assert code == 0
+    assert re.search(r"LeftFootIKWeight \(\d+ keys\)", out)
+    told = json.loads((tmp_path / "i.json").read_text())
+    spans = told["contacts"]["left"]
+    assert len(spans) >= 3
+    assert all(start < end for start, end in spans)
+    assert f"{len(spans)}, " in told["left contacts, s"]
+
+
+def test_a_motion_takes_its_contacts_from_curves(skating):
+    rig = humanoid_rig()
+    loop = replace(gait.walk(rig), curves={})
+    told = (np.arange(len(loop)) > len(loop) // 2).astype(float)
+    told[0] = told[-1]
+    motion = Motion.prepare(loop.with_curves(**{weight_curve("left"): told}), rig)
+    assert np.array_equal(motion.clip.curves[weight_curve("left")], told)
+    assert np.array_equal(motion.clip.curves[phase_curve("left")] > 0, told > 0.5)
+
+
+@pytest.mark.parametrize("suffix", [".bvh", ".glb", ".npz"])
+def test_what_is_baked_is_what_the_motion_has(monkeypatch, capsys, skating, tmp_path, suffix):
+    save_clip(skating, tmp_path / "in.npz")
+    baked = tmp_path / f"baked{suffix}"
+    code, _, err = run(monkeypatch, capsys, "clean", tmp_path / "in.npz", "-o", baked)
+    assert code == 0, err
+    clip = load_clip(baked)
+    rig = humanoid_rig() if suffix == ".npz" else find_rig(clip.skeleton)
+    motion = Motion.prepare(clip, rig)
+    phases = np.asarray(clip.curves[phase_curve("left")])
+    cycle = motion.clip.curves[phase_curve("left")][:-1]
+    windows = np.lib.stride_tricks.sliding_window_view(phases, len(cycle))
+    agree = (windows == cycle).mean(axis=1).max()
+    assert agree > 0.97

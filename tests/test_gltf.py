@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import pytest
 from gltf_files import Document, walker
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation, Slerp
 
@@ -475,6 +475,7 @@ def test_values_beyond_float32_are_refused(tmp_path: Path):
     assert not (tmp_path / "out.glb").exists()
 
 
+@example(9, 5, 24.0, 5)
 @given(
     st.integers(1, 12),
     st.integers(1, 6),
@@ -505,7 +506,10 @@ def test_any_clip_makes_a_file_that_is_read_back(tmp_path_factory, frames, joint
     again = read_gltf(folder / "a.glb")
     assert again.skeleton.names == skeleton.names
     assert again.fps == (fps if frames > 1 else 30.0)
-    np.testing.assert_allclose(again.model_pose()[0], clip.model_pose()[0], atol=2e-6)
+    # The file holds single precision: what a joint is off by grows along the chain.
+    reach = 1.0 + np.linalg.norm(moves if seed % 2 else skeleton.offsets, axis=-1).max() * joints
+    off = np.abs(again.model_pose()[0] - clip.model_pose()[0]).max()
+    assert off < 5e-7 * reach
     np.testing.assert_allclose(again.skeleton.tips[joints - 1], skeleton.tips[joints - 1])
     assert all(np.array_equal(again.curves[name], clip.curves[name]) for name in clip.curves)
     assert again.loop == clip.loop

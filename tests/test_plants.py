@@ -9,9 +9,8 @@ from hypothesis.extra import numpy as hnp
 from footik_runtime import gait
 from footik_runtime import quat_arrays as qa
 from footik_runtime.builtin import humanoid_rig
-from footik_runtime.offline.filters import runs
+from footik_runtime.offline.filters import contact_spans, runs
 from footik_runtime.offline.footprints import footprints
-from footik_runtime.offline.filters import contact_spans
 from footik_runtime.offline.plants import find, found_ground, phases_of
 from footik_runtime.offline.skate import GROUNDS, KINDS, inject, true_walk, working_of
 from footik_runtime.offline.stages import CleanSettings, Contacts

@@ -8,31 +8,36 @@ from typing import Annotated, Any
 import tyro
 
 from footik_runtime.clip import Clip
-from footik_runtime.commands.files import Job, fail_if_any, jobs, load, work_through, write_json
+from footik_runtime.commands.files import (
+    Job,
+    Reading,
+    ReadingOptions,
+    fail_if_any,
+    jobs,
+    work_through,
+    write_json,
+)
 from footik_runtime.files import require_writable
 from footik_runtime.formats import save_clip
-from footik_runtime.formats.qpos import rig_of
 from footik_runtime.offline.bake import BAKE_NOTES
 from footik_runtime.offline.bake import bake as bake_clip
 from footik_runtime.offline.clean import clean
-from footik_runtime.offline.curve_exports import export_curves
+from footik_runtime.offline.curve_exports import export_curves, require_export
 from footik_runtime.offline.stages import BakeSettings, CleanSettings
-from footik_runtime.rig import find_rig
+from footik_runtime.rig import Rig
 
 
 def bake(
     clips: tyro.conf.Positional[tuple[Path, ...]],
     out: Annotated[Path, tyro.conf.arg(aliases=["-o"], metavar="PATH")],
     preset: str = "default",
-    ease_in: float = 0.1,
-    ease_out: float = 0.1,
+    ease_in: float = BakeSettings.ease_in,
+    ease_out: float = BakeSettings.ease_out,
     replace: bool = False,
     redetect: bool = False,
-    animation: str | None = None,
-    model: Annotated[Path | None, tyro.conf.arg(metavar="FILE.xml")] = None,
-    fps: float | None = None,
     export: str | None = None,
     json_file: Annotated[Path | None, tyro.conf.arg(name="json", metavar="FILE")] = None,
+    reading: ReadingOptions = Reading(),  # noqa: B008 - frozen
 ) -> None:
     """Find the contacts of clips and bake them into IK-weight curves; the motion stays as it is.
 
@@ -44,11 +49,9 @@ def bake(
         ease_out: s over which it falls, about the release.
         replace: replace curves of these names that the clip has.
         redetect: find contacts anew, whatever the clip's curves say.
-        animation: name of the one of a .glb or .gltf; the first otherwise.
-        model: the MuJoCo model that joint values belong to.
-        fps: frames a second, where a file does not tell.
         export: curves for an engine beside the result: unity, unity-meta, unreal or csv.
         json_file: write the keys to this file, for machines.
+        reading: how files are read.
     """
     settings = BakeSettings(
         preset=preset,  # pyright: ignore[reportArgumentType]
@@ -57,12 +60,14 @@ def bake(
         replace=replace,
     )
     todo = jobs(clips, out)
+    if export is not None:
+        require_export(export)
     if json_file is not None:
         require_writable(json_file)
 
     def one(job: Job) -> dict[str, Any]:
-        clip = load(job.source, animation=animation, model=model, fps=fps)
-        baked = _bake_one(clip, settings, redetect)
+        clip = reading.clip(job.source)
+        baked = _bake_one(clip, reading.rig(clip), settings, redetect)
         save_clip(baked, job.target)
         if export is not None:
             export_curves(job.target, baked, export)
@@ -81,8 +86,7 @@ def bake(
     fail_if_any(entries)
 
 
-def _bake_one(clip: Clip, settings: BakeSettings, redetect: bool) -> Clip:
-    rig = rig_of(clip) or find_rig(clip.skeleton)
+def _bake_one(clip: Clip, rig: Rig, settings: BakeSettings, redetect: bool) -> Clip:
     if settings.preset == "openkcc":
         return bake_clip(clip, None, rig, settings)
     how = CleanSettings(redetect=redetect)

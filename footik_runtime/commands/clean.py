@@ -2,30 +2,38 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import dataclass
+from dataclasses import replace as replaced
 from pathlib import Path
 from typing import Annotated, Any
 
 import tyro
 
 from footik_runtime.clip import Clip
-from footik_runtime.commands.files import Job, fail_if_any, jobs, load, work_through, write_json
+from footik_runtime.commands.files import (
+    ALL,
+    Job,
+    Reading,
+    ReadingOptions,
+    fail_if_any,
+    jobs,
+    work_through,
+    write_json,
+)
 from footik_runtime.errors import FootIKError
 from footik_runtime.files import require_writable, write_whole
 from footik_runtime.formats import save_clip
-from footik_runtime.formats.gltf import read_animations
 from footik_runtime.formats.gltf_write import write_gltf
-from footik_runtime.formats.qpos import rig_of
 from footik_runtime.metrics import as_json, format_table
 from footik_runtime.offline.bake import BAKE_NOTES, bake
 from footik_runtime.offline.clean import clean as clean_clip
-from footik_runtime.offline.curve_exports import export_curves
+from footik_runtime.offline.curve_exports import export_curves, require_export
 from footik_runtime.offline.grounds import LevelGround, TerrainGround
 from footik_runtime.offline.measure_clip import compare
-from footik_runtime.offline.report import report_page
+from footik_runtime.offline.report import index_page, report_page
 from footik_runtime.offline.stages import BakeSettings, Cleaned, CleanSettings, Ground
-from footik_runtime.rig import find_rig
-
-ALL = "all"
+from footik_runtime.rig import Rig
 
 
 def clean(
@@ -41,12 +49,10 @@ def clean(
     ease: float = CleanSettings.ease,
     curves: bool = True,
     replace: bool = False,
-    animation: str | None = None,
-    model: Annotated[Path | None, tyro.conf.arg(metavar="FILE.xml")] = None,
-    fps: float | None = None,
     export: str | None = None,
     report: Annotated[Path | None, tyro.conf.arg(metavar="FILE.html")] = None,
     json_file: Annotated[Path | None, tyro.conf.arg(name="json", metavar="FILE")] = None,
+    reading: ReadingOptions = Reading(),  # noqa: B008 - frozen
 ) -> None:
     """Take footskate out of clips, bake their contact curves, and measure both.
 
@@ -63,13 +69,11 @@ def clean(
         ease: s over which an adjustment fades into a swing.
         curves: bake the contact curves.
         replace: replace curves of these names that the clip has.
-        animation: of a .glb or .gltf: its name, or all; the first otherwise.
-        model: the MuJoCo model that joint values belong to.
-        fps: frames a second, where a file does not tell.
         export: curves for an engine beside the result: unity, unity-meta, unreal or csv.
-        report: write a page with measures, contacts, plots and a figure to scrub; a folder's
-            pages go beside it, named after the clips.
+        report: write a page with measures, contacts, plots and a figure to scrub; of several
+            clips a table of all, whose pages go beside it.
         json_file: write what was found to this file, for machines.
+        reading: how files are read; with --animation all, every animation of a .glb or .gltf.
     """
     settings = CleanSettings(
         preset=preset,  # pyright: ignore[reportArgumentType]
@@ -82,38 +86,31 @@ def clean(
     baking = BakeSettings(replace=replace) if curves else None
     ground = _ground(terrain, floor)
     todo = jobs(clips, out)
+    if export is not None:
+        require_export(export)
     for path in (report, json_file):
         if path is not None:
+            if path.parent == out:
+                out.mkdir(parents=True, exist_ok=True)
             require_writable(path)
+    several = len(todo) > 1 or reading.animation == ALL
 
     def one(job: Job) -> dict[str, Any]:
         found = [
-            _clean_one(clip, settings, baking, ground)
-            for clip in _read(job.source, animation, model, fps)
+            _clean_one(clip, reading.rig(clip), settings, baking, ground)
+            for clip in reading.clips(job.source)
         ]
-        _write(job.target, [cleaned.clip for _, cleaned, _ in found])
-        tables = []
-        for i, (before, cleaned, table) in enumerate(found):
-            name = cleaned.clip.name
-            if export is not None:
-                stem = job.target if len(found) == 1 else job.target.with_name(f"{name}.x")
-                export_curves(stem, cleaned.clip, export)
-            if report is not None:
-                page = _page_path(report, job, name, len(todo) * len(found))
-                write_whole(page, report_page(before, cleaned, table).encode())
-            print(_told(job, cleaned, table, short=len(todo) > 1 or len(found) > 1))
-            tables.append(
-                {
-                    "clip": name,
-                    "measures": {key: as_json(column) for key, column in table.items()},
-                    "report": cleaned.report,
-                    "curve notes": list(cleaned.clip.extras.get(BAKE_NOTES, ())),
-                    "index": i,
-                }
-            )
-        return {"clips": tables}
+        _write(job.target, [done.cleaned.clip for done in found])
+        if export is not None:
+            _export(job.target, found, export)
+        pages = _write_pages(report, job, found, several)
+        for done in found:
+            print(_told(job, done, short=several))
+        return {"clips": [_as_json(done, page) for done, page in zip(found, pages, strict=True)]}
 
     entries = work_through("cleaning", todo, one)
+    if report is not None and several:
+        write_whole(report, index_page(entries).encode())
     if json_file is not None:
         write_json(json_file, {"command": "clean", "preset": preset, "files": entries})
     fail_if_any(entries)
@@ -127,47 +124,83 @@ def _ground(terrain: str | None, floor: float | None) -> Ground | None:
     return None if floor is None else LevelGround(floor)
 
 
-def _read(path: Path, animation: str | None, model: Path | None, fps: float | None) -> list[Clip]:
-    if animation == ALL and path.suffix.lower() in (".glb", ".gltf"):
-        return list(read_animations(path, fps=fps))
-    return [load(path, animation=animation, model=model, fps=fps)]
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Done:
+    """A clip, what became of it, and the measures of both."""
+
+    before: Clip
+    cleaned: Cleaned
+    measures: dict[str, dict[str, float]]
 
 
 def _clean_one(
-    clip: Clip, settings: CleanSettings, baking: BakeSettings | None, ground: Ground | None
-) -> tuple[Clip, Cleaned, dict[str, dict[str, float]]]:
-    rig = rig_of(clip) or find_rig(clip.skeleton)
+    clip: Clip,
+    rig: Rig,
+    settings: CleanSettings,
+    baking: BakeSettings | None,
+    ground: Ground | None,
+) -> _Done:
     cleaned = clean_clip(clip, rig, settings=settings, ground=ground)
-    table = compare(clip, cleaned)
+    measures = compare(clip, cleaned)
     if baking is not None:
-        from dataclasses import replace as changed
-
         baked = bake(cleaned.clip, cleaned.held, cleaned.rig, baking)
-        cleaned = changed(cleaned, clip=baked)
-    return clip, cleaned, table
+        cleaned = replaced(cleaned, clip=baked)
+    return _Done(before=clip, cleaned=cleaned, measures=measures)
 
 
 def _write(path: Path, clips: list[Clip]) -> None:
-    if len(clips) > 1 and path.suffix.lower() not in (".glb", ".gltf"):
-        raise FootIKError(f"{path}: all animations of a file go to a .glb or .gltf.")
-    if len(clips) > 1:
+    if len(clips) == 1:
+        save_clip(clips[0], path)
+    elif path.suffix.lower() in (".glb", ".gltf"):
         write_gltf(clips, path)
     else:
-        save_clip(clips[0], path)
+        raise FootIKError(f"{path}: all animations of a file go to a .glb or .gltf.")
 
 
-def _page_path(report: Path, job: Job, name: str, pages: int) -> Path:
-    if pages == 1:
-        return report
-    return report.with_name(f"{report.stem}.{job.source.stem}.{name}{report.suffix or '.html'}")
+def _export(path: Path, found: list[_Done], kind: str) -> None:
+    """The curves of each clip beside the result; of several, named after the animations."""
+    for done in found:
+        clip = done.cleaned.clip
+        export_curves(path if len(found) == 1 else path.with_name(f"{clip.name}.x"), clip, kind)
 
 
-def _told(job: Job, cleaned: Cleaned, table: dict[str, dict[str, float]], *, short: bool) -> str:
-    before, after = table["before"], table["after"]
-    key = "pinned_point_speed"
+def _write_pages(
+    report: Path | None, job: Job, found: list[_Done], several: bool
+) -> list[str | None]:
+    """Write each clip's page. Returns their names; None where no report is wanted."""
+    if report is None:
+        return [None] * len(found)
+    pages = []
+    for done in found:
+        page = report
+        if several:
+            name = f"{report.stem}.{job.source.stem}.{done.cleaned.clip.name}"
+            page = report.with_name(re.sub(r"[^\w.-]+", "_", name) + (report.suffix or ".html"))
+        write_whole(page, report_page(done.before, done.cleaned, done.measures).encode())
+        pages.append(page.name)
+    return pages
+
+
+def _as_json(done: _Done, page: str | None) -> dict[str, Any]:
+    clip = done.cleaned.clip
+    return {
+        "clip": clip.name,
+        "frames": len(clip),
+        "seconds": round(clip.duration, 3),
+        "measures": {key: as_json(column) for key, column in done.measures.items()},
+        "report": done.cleaned.report,
+        "curve notes": list(clip.extras.get(BAKE_NOTES, ())),
+        "page": page,
+    }
+
+
+def _told(job: Job, done: _Done, *, short: bool) -> str:
+    before, after = done.measures["before"], done.measures["after"]
+    cleaned, key = done.cleaned, "pinned_point_speed"
     line = (
         f"{job.source} -> {job.target}: {cleaned.clip.name}, {len(cleaned.clip)} frames, "
         f"{len(cleaned.plants)} plants, pinned point {before[key]:.1f} -> {after[key]:.2f} mm/s"
     )
-    notes = "".join(f"\n  note: {note}" for note in cleaned.report.get("notes", ()))
-    return line + notes if short else f"{line}{notes}\n{format_table(table)}"
+    told = [*cleaned.report.get("notes", ()), *cleaned.clip.extras.get(BAKE_NOTES, ())]
+    notes = "".join(f"\n  note: {note}" for note in told)
+    return line + notes if short else f"{line}{notes}\n{format_table(done.measures)}"

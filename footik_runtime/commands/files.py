@@ -7,20 +7,77 @@ import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+import tyro
 
 from footik_runtime.clip import Clip
 from footik_runtime.errors import FootIKError
 from footik_runtime.files import require_writable, write_whole
 from footik_runtime.formats import SUFFIXES, load_clip
+from footik_runtime.formats.gltf import read_animations
+from footik_runtime.formats.qpos import rig_of
 from footik_runtime.progress import Progress
+from footik_runtime.rig import Rig, find_rig
 
+ALL = "all"
 _FRAME_RATES = (1.0, 10000.0)
 
 
-def load(path: Path, **how: Any) -> Clip:
-    """The clip of a file, as `load_clip`. Raises FootIKError for a rate that no motion has."""
-    clip = load_clip(path, **how)
+@dataclass(frozen=True, kw_only=True)
+class Reading:
+    """How files are read, and whose legs they hold.
+
+    Attributes:
+        animation: of a .glb or .gltf: its name; the first otherwise.
+        model: the MuJoCo model that joint values belong to.
+        frame_rate: of files that do not tell, frames a second.
+        legs: the legs, where their names tell of none: left=HIP,KNEE,ANKLE,TOE right=... (a toe may
+            be left out).
+    """
+
+    animation: str | None = None
+    model: Annotated[Path | None, tyro.conf.arg(metavar="FILE.xml")] = None
+    frame_rate: float | None = None
+    legs: Annotated[tuple[str, ...], tyro.conf.arg(metavar="LEG=JOINTS ...")] = ()
+
+    def clip(self, path: Path) -> Clip:
+        """The clip of a file. Raises FootIKError for a rate that no motion has."""
+        return _with_rate(
+            path, load_clip(path, animation=self.animation, model=self.model, fps=self.frame_rate)
+        )
+
+    def clips(self, path: Path) -> list[Clip]:
+        """That clip, or with `--animation all` every one of a .glb or .gltf."""
+        if self.animation == ALL and path.suffix.lower() in (".glb", ".gltf"):
+            return [_with_rate(path, clip) for clip in read_animations(path, fps=self.frame_rate)]
+        return [self.clip(path)]
+
+    def rig(self, clip: Clip) -> Rig:
+        """The legs that were named; else a robot's, by its model, or those found in the skeleton.
+
+        Raises FootIKError for a leg that is no NAME=HIP,KNEE,ANKLE or names a missing joint.
+        """
+        if self.legs:
+            return find_rig(clip.skeleton, legs=dict(_leg(text) for text in self.legs))
+        return rig_of(clip) or find_rig(clip.skeleton)
+
+
+ReadingOptions = tyro.conf.OmitArgPrefixes[Reading]
+"""Of a command that reads clips."""
+
+
+def _leg(text: str) -> tuple[str, list[str]]:
+    name, _, joints = text.partition("=")
+    chain = [joint.strip() for joint in joints.split(",") if joint.strip()]
+    if not name.strip() or len(chain) not in (3, 4):
+        raise FootIKError(
+            f"--legs {text}: a leg is NAME=HIP,KNEE,ANKLE or NAME=HIP,KNEE,ANKLE,TOE."
+        )
+    return name.strip(), chain
+
+
+def _with_rate(path: Path, clip: Clip) -> Clip:
     slowest, fastest = _FRAME_RATES
     if not slowest <= clip.fps <= fastest:
         raise FootIKError(

@@ -1,4 +1,4 @@
-"""`footik walk`: a clip walks over a terrain, and every measure is printed without IK and with it."""
+"""`footik walk`: a clip walks over a terrain; every measure is printed without IK and with it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 import tyro
 
 from footik_runtime.builtin import GAITS, HUMANOID, builtin_motion
-from footik_runtime.commands.files import load, write_json
+from footik_runtime.commands.files import Reading, ReadingOptions, write_json
 from footik_runtime.errors import unknown_name
 from footik_runtime.files import require_writable, write_whole
 from footik_runtime.ground import ABOVE, REACH
@@ -19,7 +19,6 @@ from footik_runtime.metrics import as_json, format_table, score
 from footik_runtime.motion import Motion
 from footik_runtime.phases import Phase
 from footik_runtime.progress import Progress
-from footik_runtime.rig import find_rig
 from footik_runtime.scene import Scene
 from footik_runtime.settings import FootIKSettings, body_size
 from footik_runtime.walk import Recording, record_walk
@@ -39,11 +38,13 @@ def walk(
     out: Annotated[Path | None, tyro.conf.arg(metavar="FILE.npz")] = None,
     plot: Annotated[Path | None, tyro.conf.arg(metavar="FILE.png")] = None,
     json_file: Annotated[Path | None, tyro.conf.arg(name="json", metavar="FILE")] = None,
+    reading: ReadingOptions = Reading(),  # noqa: B008 - frozen
 ) -> None:
     """Walk a clip over a terrain, headless, and print every measure without foot IK and with it.
 
     Args:
-        clip: a motion file (.bvh); the built-in humanoid's own gait otherwise.
+        clip: a motion file: .bvh, .glb, .gltf, .npz or .csv; the built-in humanoid's own gait
+            otherwise. Its contact curves are used where it has them.
         gait: of the built-in humanoid: walk, run, idle or turn. Ignored with --clip.
         terrain: flat, slope, stairs, hills, rubble, stones, ledge, gap, platform or course.
         seconds: how long to walk.
@@ -54,6 +55,7 @@ def walk(
         out: write the run with IK to this file, as NumPy arrays.
         plot: draw heights, weights and hips to this file (needs the extra `plot`).
         json_file: write the table to this file, for machines.
+        reading: how the clip's file is read.
     """
     for path in (out, plot, json_file):
         if path is not None:
@@ -65,7 +67,7 @@ def walk(
         from footik_runtime.plot import require_plot
 
         require_plot(plot)
-    motion, body = _motion(clip, gait, speed if clip is None else None)
+    motion, body = _motion(clip, gait, speed if clip is None else None, reading)
     runs = {}
     for name, ik in ((WITHOUT, False), (WITH, True)):
         scene = Scene.build(motion, terrain, seed=seed, body=body)
@@ -105,12 +107,14 @@ def walk(
         plot_walk(plot, motion, runs[WITHOUT], runs[WITH])
 
 
-def _motion(clip: Path | None, gait: str, speed: float | None) -> tuple[Motion, Path | None]:
+def _motion(
+    clip: Path | None, gait: str, speed: float | None, reading: Reading
+) -> tuple[Motion, Path | None]:
     """The motion to walk, and the model file of its body where it has one."""
     if clip is None:
         return builtin_motion(gait, speed=speed), HUMANOID
-    loaded = load(clip)
-    return Motion.prepare(loaded, find_rig(loaded.skeleton)), None
+    loaded = reading.clip(clip)
+    return Motion.prepare(loaded, reading.rig(loaded)), None
 
 
 def _score(

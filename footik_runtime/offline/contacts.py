@@ -31,13 +31,15 @@ def with_contacts(clip: Clip, rig: Rig) -> tuple[Clip, Rig]:
     work = working(clip, rig, settings=settings)
     contacts = detect.of_clip(work, settings)
     found = plants.find(work, contacts, settings)
-    phases = unpad(work, plants.phases_of(found, contacts.foot.shape))
-    given = detect.given_phases(work)
+    held = unpad(work, plants.phases_of(found, contacts.foot.shape))
+    touching, given = unpad(work, contacts.phases()), detect.given_phases(work)
     placed = as_worked(clip, work)
     curves: dict[str, Array] = {}
     for i, leg in enumerate(rig.legs):
         weight, phase = weight_curve(leg.name), phase_curve(leg.name)
-        told = phases[:, i] if given.get(i) is None else unpad(work, given[i])
+        # What a weight says lasts as long as it says; else as long as the foot can be held.
+        told = touching[:, i] if weight in clip.curves else held[:, i]
+        told = unpad(work, given[i]) if i in given else told
         curves[phase] = told.astype(np.float64)
         if weight not in clip.curves:
             curves[weight] = (told != Phase.SWING).astype(np.float64)

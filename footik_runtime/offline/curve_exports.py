@@ -35,6 +35,12 @@ _WORDS = {"y", "n", "yes", "no", "on", "off", "true", "false", "null"}
 _THIRD = "0.33333334"
 
 
+def require_export(kind: str) -> None:
+    """Raise FootIKError, with the nearest name, for a kind that is not in `EXPORTS`."""
+    if kind not in EXPORTS:
+        raise unknown_name("export", kind, EXPORTS)
+
+
 def export_curves(
     path: str | os.PathLike[str], clip: Clip, kind: str, *, tolerance: float = 0.005
 ) -> list[Path]:
@@ -50,8 +56,7 @@ def export_curves(
     Raises:
         FootIKError: an unknown kind, a clip without curves, a file that cannot be written.
     """
-    if kind not in EXPORTS:
-        raise unknown_name("export", kind, EXPORTS)
+    require_export(kind)
     if not clip.curves:
         raise FootIKError(f"{clip.name}: has no curves to export; bake them first.")
     stem = Path(path).with_suffix("")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import html
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from typing import Any
 
@@ -23,6 +23,7 @@ Array = NDArray[np.float64]
 MOST_FRAMES = 3000
 """Frames that a page shows; of longer clips it shows every second, third, ..."""
 
+_INDEXED = ("pinned_point_speed", "penetration_p99", "float", "skating_ratio", "pop")
 _MM = 1000.0
 _MOST = 32767  # of an int16
 
@@ -40,6 +41,36 @@ def report_page(before: Clip, cleaned: Cleaned, measures: Mapping[str, Mapping[s
     page = template.replace("__TITLE__", html.escape(cleaned.clip.name))
     # "</script>" within a name would end the script.
     return page.replace("__DATA__", data.replace("</", "<\\/"))
+
+
+def index_page(entries: Sequence[Mapping[str, Any]]) -> str:
+    """The HTML page of many clips: a row each, to sort, with a link to the clip's own page.
+
+    Args:
+        entries: of files, as `footik clean --json` has them: "in", "error" and, where all went
+            well, "clips" with "clip", "frames", "measures", "report" and "page".
+    """
+    rows = [row for entry in entries for row in _index_rows(entry)]
+    template = files("footik_runtime.offline").joinpath("report_index.html").read_text("utf-8")
+    data = json.dumps(rows, allow_nan=False, separators=(",", ":"))
+    return template.replace("__DATA__", data.replace("</", "<\\/"))
+
+
+def _index_rows(entry: Mapping[str, Any]) -> list[dict[str, Any]]:
+    if entry["error"] is not None:
+        return [{"file": entry["in"], "error": entry["error"]}]
+    return [
+        {
+            "file": entry["in"],
+            "clip": clip["clip"],
+            "page": clip["page"],
+            "frames": clip["frames"],
+            "plants": len(clip["report"].get("plants", ())),
+            "notes": clip["report"].get("notes", []),
+            **{key: [clip["measures"][name][key] for name in (BEFORE, AFTER)] for key in _INDEXED},
+        }
+        for clip in entry["clips"]
+    ]
 
 
 def _data(
