@@ -16,6 +16,7 @@ from footik_runtime.offline.skate import inject, true_walk
 
 
 def a_sliding_walk() -> footik.Clip:
+    """A walk whose feet slide by 3 cm in every contact."""
     rig = humanoid_rig()
     return inject(true_walk(walk(rig), rig), "constant", 0.03)
 

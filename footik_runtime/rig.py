@@ -181,7 +181,8 @@ def no_legs_error(skeleton: Skeleton, what: str = "skeleton") -> FootIKError:
     return FootIKError(
         f"no legs found in the {what} of {len(skeleton)} joints ({listed(skeleton.names)}); "
         f"nearest by name: {'; '.join(nearest_guesses(skeleton.names))}. Give them: "
-        'find_rig(skeleton, legs={"left": ("thigh", "shin", "foot", "toes"), "right": (...)}).'
+        'find_rig(skeleton, legs={"left": ("thigh", "shin", "foot", "toes"), "right": (...)}), '
+        "or --legs left=thigh,shin,foot,toes right=... on the command line."
     )
 
 

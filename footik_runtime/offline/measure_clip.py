@@ -44,8 +44,13 @@ def as_seen(clip: Clip, cleaned: Cleaned) -> Clip:
 
 
 def ground_of(cleaned: Cleaned, soles: Array) -> Array:
-    """(T, F, 3) height under sole points (T, F, 3, 3): of the true ground, or of the plants'."""
-    return heights_under(soles, cleaned.plants, cleaned.ground)
+    """(T, F, 3) height under sole points (T, F, 3, 3): of the true ground, or of the plants'.
+
+    Under a foot that never stands it is that of the lowest plant of the others, or 0.
+    """
+    heights = heights_under(soles, cleaned.plants, cleaned.ground)
+    known = np.isfinite(heights)
+    return np.where(known, heights, heights[known].min() if known.any() else 0.0)
 
 
 def run_of(clip: Clip, cleaned: Cleaned) -> Run:

@@ -94,7 +94,7 @@ class CleanSettings:
     ease: float = 0.20  # s over which an adjustment fades into a swing (at most half the swing)
     root_window: float = 0.15  # s, sigma of the root's smoothing
     root_follow: float = 0.5  # 0 moves only where a leg cannot reach, 1 with the planted feet
-    reach: float = 0.985  # of the leg's length, or the input's own extension where that is longer
+    reach: float = 0.980  # of the leg's length, or the input's own extension where that is longer
     stretch: float = 0.0  # largest share of a leg's length added; 0 for formats that cannot hold it
     keep_below: float = 0.0005  # m: plants whose pins move less are left as they are
     snap: bool = True  # soles onto the ground; False keeps each plant's mean height
