@@ -170,7 +170,7 @@ def test_bones_stretch_only_as_far_as_allowed():
     assert not reached[:, 0].any()
     assert reached[:, 1].all()
     rotations, longer, reached = solve(
-        work, paths(frames, 2, moves), still, CleanSettings(stretch=0.02)
+        work, paths(frames, 2, moves), still, CleanSettings(stretch=0.02, reach=0.995)
     )
     assert reached.all()
     assert longer is not None

@@ -21,6 +21,7 @@ from footik_runtime.progress import Progress
 from footik_runtime.rig import Rig, find_rig
 
 ALL = "all"
+_LARGE = 30.0  # MB
 _FRAME_RATES = (1.0, 10000.0)
 
 
@@ -43,6 +44,7 @@ class Reading:
 
     def clip(self, path: Path) -> Clip:
         """The clip of a file. Raises FootIKError for a rate that no motion has."""
+        _announce(path)
         return _with_rate(
             path, load_clip(path, animation=self.animation, model=self.model, fps=self.frame_rate)
         )
@@ -65,6 +67,13 @@ class Reading:
 
 ReadingOptions = tyro.conf.OmitArgPrefixes[Reading]
 """Of a command that reads clips."""
+
+
+def _announce(path: Path) -> None:
+    """Say that a file is read, where that takes a while."""
+    megabytes = path.stat().st_size / 1e6 if path.is_file() else 0.0
+    if megabytes > _LARGE:
+        print(f"footik: reading {path} ({megabytes:.0f} MB)", file=sys.stderr, flush=True)
 
 
 def _leg(text: str) -> tuple[str, list[str]]:
@@ -159,6 +168,8 @@ def work_through(
             job.target.parent.mkdir(parents=True, exist_ok=True)
             require_writable(job.target)
             entry |= work(job)
+        except BrokenPipeError:
+            raise  # whoever read our output has enough: that is no fault of the file
         except (FootIKError, OSError) as error:
             entry["error"] = str(error)
             progress.close()

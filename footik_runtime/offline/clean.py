@@ -76,6 +76,7 @@ def clean(
         root_moves=moves,
         work=work,
         ground=ground,
+        levelled=settings.level,
         report=_report(work, contacts, within, moves, reached | ~paths.pinned),
     )
 

@@ -122,7 +122,7 @@ def score_case(case: Case) -> dict[str, float]:
         "before": speed,
         "after": left,
         "less": 100.0 * (1.0 - left / speed) if speed > 0.0 else float("nan"),
-        "penetration": 1000.0 * max(-float(heights.min()), 0.0),
+        "penetration": 1000.0 * abs(min(float(heights.min()), 0.0)),
         "float": 1000.0 * max(float(lowest[contact].max()), 0.0) if contact.any() else 0.0,
         "pop_before": was["pop"],
         "pop": now["pop"],

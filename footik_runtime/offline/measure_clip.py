@@ -22,8 +22,8 @@ PINNED = "pinned_point_speed"
 
 def runs(before: Clip, cleaned: Cleaned) -> dict[str, Run]:
     """The clip before and after cleanup as runs on the ground that was found, levelled."""
-    clips = {BEFORE: before, AFTER: cleaned.clip}
-    return {name: run_of(as_seen(clip, cleaned), cleaned) for name, clip in clips.items()}
+    clips = as_seen(before, cleaned)
+    return {name: run_of(clip, cleaned) for name, clip in clips.items()}
 
 
 def compare(before: Clip, cleaned: Cleaned) -> dict[str, dict[str, float]]:
@@ -38,9 +38,13 @@ def compare(before: Clip, cleaned: Cleaned) -> dict[str, dict[str, float]]:
     }
 
 
-def as_seen(clip: Clip, cleaned: Cleaned) -> Clip:
-    """A clip as cleanup saw it: level, off its belt, on its floor."""
-    return clip if cleaned.work is None else as_worked(clip, cleaned.work)
+def as_seen(before: Clip, cleaned: Cleaned) -> dict[str, Clip]:
+    """The clip before and after as cleanup saw it: level, off its belt, on its floor."""
+    work = cleaned.work
+    if work is None:
+        return {BEFORE: before, AFTER: cleaned.clip}
+    after = as_worked(cleaned.clip, work, level=cleaned.levelled)
+    return {BEFORE: as_worked(before, work), AFTER: after}
 
 
 def ground_of(cleaned: Cleaned, soles: Array) -> Array:

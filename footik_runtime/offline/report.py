@@ -78,15 +78,14 @@ def _data(
 ) -> dict[str, Any]:
     step = -(-len(before) // MOST_FRAMES)
     joints, heights, speeds = {}, {}, {}
-    for name, clip in ((BEFORE, before), (AFTER, cleaned.clip)):
-        worked = as_seen(clip, cleaned)
+    for name, worked in as_seen(before, cleaned).items():
         run = run_of(worked, cleaned)
         points = run.sole[:, :, [HEEL, BALL]]
         height = points[..., 2] - run.ground[:, :, [HEEL, BALL]]
         speed = np.zeros(height.shape)
-        if len(clip) > 1:
+        if len(worked) > 1:
             moved = np.gradient(points[..., :2], axis=0)
-            speed = np.linalg.norm(moved, axis=-1) * clip.fps
+            speed = np.linalg.norm(moved, axis=-1) * worked.fps
         positions = worked.model_pose()[0]
         joints[name] = _packed(positions[::step])
         heights[name], speeds[name] = _packed(height[::step]), _packed(speed[::step])

@@ -21,7 +21,7 @@ from footik_runtime.offline.stages import Array, CleanSettings, FootPaths, Worki
 _ROUNDS = 8  # of projection onto the reach of each leg in turn
 _EASE = 0.12  # s, half width of the curve that lowers the body
 _FARTHEST = 0.25  # of the leg: the body is moved no farther
-_NOTHING = 1e-9  # m
+_NOTHING = 1e-8  # m
 _SPARE = 1e-9  # of the leg's reach: what rounding may take
 
 
@@ -44,12 +44,13 @@ def place(work: Working, paths: FootPaths, settings: CleanSettings) -> Array:
     for _ in range(2):
         change = np.zeros((frames, 3))
         _nearest_in_reach(hips, goals, reach, moves, scratch, change)
+        change[np.linalg.norm(change, axis=-1) < _NOTHING] = 0.0
         moves = moves + _smooth(change, 0.5 * settings.root_window * fps)
     length, _ = leg_spans(work.rig, work.positions)
     moves = _limited(moves, _FARTHEST * float(length.mean()))
     drop = np.zeros(frames)
     _drops(hips, goals, reach, moves, drop)
-    if drop.any():
+    if drop.max(initial=0.0) > _NOTHING:
         moves[:, 2] -= envelope(drop, math.ceil(_EASE * fps))
     moves[np.linalg.norm(moves, axis=-1) < _NOTHING] = 0.0
     return moves

@@ -224,7 +224,7 @@ class Working:
 class Cleaned:
     """clip: the result. contacts, plants, phases: in its own frames. root_moves: (T, 3) m.
     work: the clip as cleanup saw it, before it; None for the preset "footplant". ground: the true
-    one, where it was given.
+    one, where it was given. levelled: the floor's tilt is out of `clip`.
 
     report: what was found and done, of numbers, strings, lists and dicts alone.
     """
@@ -237,6 +237,7 @@ class Cleaned:
     root_moves: Array
     work: Working | None = None
     ground: Ground | None = None
+    levelled: bool = False
     report: dict[str, Any] = field(default_factory=dict)
 
     @property

@@ -14,7 +14,7 @@ from footik_runtime.clip import Clip
 from footik_runtime.errors import FootIKError
 from footik_runtime.math3d import quat_between, quat_upright, rotate
 from footik_runtime.offline import detect
-from footik_runtime.offline.filters import contact_spans, span_means, span_medians
+from footik_runtime.offline.filters import contact_spans, span_medians
 from footik_runtime.offline.stages import Bools, CleanSettings, Contacts, Ground, Ints, Working
 from footik_runtime.phases import phase_curve, weight_curve
 from footik_runtime.rig import Leg, Rig, Sole, find_rig
@@ -112,15 +112,16 @@ def fitted_rig(rig: Rig, work: Working) -> Rig:
     return replace(rig, legs=tuple(replace(leg, sole=worked.sole) for leg, worked in legs))
 
 
-def as_worked(clip: Clip, work: Working) -> Clip:
-    """The whole clip as cleanup saw its legs: level, off its belt, on its floor."""
-    upright = quat_arrays.conj(work.back)
+def as_worked(clip: Clip, work: Working, *, level: bool = False) -> Clip:
+    """The whole clip as cleanup saw its legs: level, off its belt, on its floor.
+
+    level: the clip's tilt is out already.
+    """
     shift = unpad(work, work.shift)
-    if not shift.any() and upright[0] == 1.0:
-        return clip
-    rotations = clip.rotations.copy()
-    rotations[:, 0] = quat_arrays.mul(upright, rotations[:, 0])
-    return clip.moved(quat_arrays.rotate(upright, clip.root_positions) + shift, rotations)
+    if level or work.back[0] == 1.0:
+        return clip.moved(clip.root_positions + shift) if shift.any() else clip
+    turned = _turned_clip(clip, quat_arrays.conj(work.back))
+    return turned.moved(turned.root_positions + shift)
 
 
 def unpad(work: Working, values: NDArray[_T]) -> NDArray[_T]:
@@ -196,8 +197,9 @@ def _upright(soles: Array, contacts: Contacts, scale: float, notes: list[str]) -
 
 
 def _stood(points: Array, down: Bools) -> Array:
-    """(K, 3) where points (T, F, 3) were while `down` (T, F), on average over each such time."""
-    return span_means(points, contact_spans(down))
+    """(K, 3) where points (T, F, 3) usually were in each time that they were `down` (T, F)."""
+    spans = contact_spans(down)
+    return np.stack([span_medians(points[..., axis], spans) for axis in range(3)], axis=-1)
 
 
 def _plane_normal(points: Array, scale: float) -> Array:
