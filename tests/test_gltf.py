@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import pytest
 from gltf_files import Document, walker
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation, Slerp
 
@@ -481,6 +481,8 @@ def test_values_beyond_float32_are_refused(tmp_path: Path):
     st.sampled_from([24.0, 30.0, 60.0, 120.0]),
     st.integers(0, 2**31),
 )
+@example(9, 5, 24.0, 5)  # one joint lies a few micrometres from its place at rest, all others far
+@example(3, 5, 24.0, 1307)
 def test_any_clip_makes_a_file_that_is_read_back(tmp_path_factory, frames, joints, fps, seed):
     folder = tmp_path_factory.mktemp("any")
     rng = np.random.default_rng(seed)
@@ -505,7 +507,7 @@ def test_any_clip_makes_a_file_that_is_read_back(tmp_path_factory, frames, joint
     again = read_gltf(folder / "a.glb")
     assert again.skeleton.names == skeleton.names
     assert again.fps == (fps if frames > 1 else 30.0)
-    np.testing.assert_allclose(again.model_pose()[0], clip.model_pose()[0], atol=2e-6)
+    np.testing.assert_allclose(again.model_pose()[0], clip.model_pose()[0], atol=1e-6)
     np.testing.assert_allclose(again.skeleton.tips[joints - 1], skeleton.tips[joints - 1])
     assert all(np.array_equal(again.curves[name], clip.curves[name]) for name in clip.curves)
     assert again.loop == clip.loop

@@ -45,7 +45,7 @@ __all__ = ["GltfSource", "animation_names", "read_animations", "read_gltf"]
 Array = NDArray[np.float64]
 
 LARGEST = 20.0  # m, of all joints at rest: what is larger is not in metres
-STEADY = 1e-5  # of the skeleton's size: translations that move less are those of rest
+STEADY = 2.0**-22  # of the skeleton's size: a few float32 steps; moving less is being at rest
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -304,11 +304,14 @@ def _arrays(
     grid: Grid,
     rest_turns: Array,
 ) -> tuple[Array, Array, Array | None]:
-    """Root positions (T, 3), rotations (T, J, 4) and, where some change, translations (T, J, 3)."""
+    """Root positions (T, 3), rotations (T, J, 4) and, where some change, translations (T, J, 3).
+
+    Where one joint's translations change, those of all joints are as the file has them.
+    """
     turns = np.tile(rest_turns, (grid.frames, 1, 1))
     places = np.tile(skeleton.offsets[0], (grid.frames, 1))
     size = float(np.abs(skeleton.offsets).sum(axis=1).max()) or 1.0
-    moves: Array | None = None
+    held: dict[int, Array] = {}
     for (j, path), track in tracks.items():
         values = sample(track, key_values(gltf, track), grid)
         if path == "rotation":
@@ -317,9 +320,12 @@ def _arrays(
         metres = values[:, OURS] * joints.scales[j]
         if j == 0:
             places = joints.move + rotate(joints.turn, metres)
-        elif np.abs(metres - skeleton.offsets[j]).max() > STEADY * size:
-            if moves is None:
-                moves = np.tile(skeleton.offsets, (grid.frames, 1, 1))
-            moves[:, j] = metres
+        else:
+            held[j] = metres
     turns[:, 0] = mul(joints.turn, turns[:, 0])
+    if all(np.abs(v - skeleton.offsets[j]).max() <= STEADY * size for j, v in held.items()):
+        return places, turns, None
+    moves = np.tile(skeleton.offsets, (grid.frames, 1, 1))
+    for j, metres in held.items():
+        moves[:, j] = metres
     return places, turns, moves
