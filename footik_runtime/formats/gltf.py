@@ -37,6 +37,7 @@ from footik_runtime.formats.gltf_tree import (
     place_joints,
     read_tree,
 )
+from footik_runtime.offline.curve_keys import CURVE_KEYS
 from footik_runtime.quat_arrays import mul, rotate
 from footik_runtime.skeleton import Skeleton
 
@@ -203,6 +204,7 @@ def _read_clip(
     extras = gltf.item("animations", index).get("extras")
     extras = extras if isinstance(extras, dict) else {}
     places, turns, moves = _arrays(gltf, skeleton, joints, held, grid, tree.turns[nodes])
+    curves, keys = read_curves(gltf, extras.get(CURVES), grid)
     try:
         clip = Clip(
             skeleton=skeleton,
@@ -210,10 +212,10 @@ def _read_clip(
             root_positions=places,
             rotations=turns,
             translations=moves,
-            curves=read_curves(gltf, extras.get(CURVES), grid),
+            curves=curves,
             loop=extras.get(LOOP) is True,
             name=name if "name" in gltf.item("animations", index) else gltf.path.stem,
-            extras={"notes": notes},
+            extras={"notes": notes, **({CURVE_KEYS: keys} if keys else {})},
         )
     except FootIKError as error:
         raise FootIKError(f"{gltf.path.name}: {error}") from None
