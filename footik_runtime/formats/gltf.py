@@ -37,6 +37,7 @@ from footik_runtime.formats.gltf_tree import (
     place_joints,
     read_tree,
 )
+from footik_runtime.offline.curve_keys import CURVE_KEYS
 from footik_runtime.quat_arrays import mul, rotate
 from footik_runtime.skeleton import Skeleton
 
@@ -45,7 +46,7 @@ __all__ = ["GltfSource", "animation_names", "read_animations", "read_gltf"]
 Array = NDArray[np.float64]
 
 LARGEST = 20.0  # m, of all joints at rest: what is larger is not in metres
-STEADY = 1e-5  # of the skeleton's size: translations that move less are those of rest
+STEADY = 2.0**-22  # of the skeleton's size: a few float32 steps; moving less is being at rest
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -203,6 +204,7 @@ def _read_clip(
     extras = gltf.item("animations", index).get("extras")
     extras = extras if isinstance(extras, dict) else {}
     places, turns, moves = _arrays(gltf, skeleton, joints, held, grid, tree.turns[nodes])
+    curves, keys = read_curves(gltf, extras.get(CURVES), grid)
     try:
         clip = Clip(
             skeleton=skeleton,
@@ -210,10 +212,10 @@ def _read_clip(
             root_positions=places,
             rotations=turns,
             translations=moves,
-            curves=read_curves(gltf, extras.get(CURVES), grid),
+            curves=curves,
             loop=extras.get(LOOP) is True,
             name=name if "name" in gltf.item("animations", index) else gltf.path.stem,
-            extras={"notes": notes},
+            extras={"notes": notes, **({CURVE_KEYS: keys} if keys else {})},
         )
     except FootIKError as error:
         raise FootIKError(f"{gltf.path.name}: {error}") from None
@@ -304,11 +306,14 @@ def _arrays(
     grid: Grid,
     rest_turns: Array,
 ) -> tuple[Array, Array, Array | None]:
-    """Root positions (T, 3), rotations (T, J, 4) and, where some change, translations (T, J, 3)."""
+    """Root positions (T, 3), rotations (T, J, 4) and, where some change, translations (T, J, 3).
+
+    Where one joint's translations change, those of all joints are as the file has them.
+    """
     turns = np.tile(rest_turns, (grid.frames, 1, 1))
     places = np.tile(skeleton.offsets[0], (grid.frames, 1))
     size = float(np.abs(skeleton.offsets).sum(axis=1).max()) or 1.0
-    moves: Array | None = None
+    held: dict[int, Array] = {}
     for (j, path), track in tracks.items():
         values = sample(track, key_values(gltf, track), grid)
         if path == "rotation":
@@ -317,9 +322,12 @@ def _arrays(
         metres = values[:, OURS] * joints.scales[j]
         if j == 0:
             places = joints.move + rotate(joints.turn, metres)
-        elif np.abs(metres - skeleton.offsets[j]).max() > STEADY * size:
-            if moves is None:
-                moves = np.tile(skeleton.offsets, (grid.frames, 1, 1))
-            moves[:, j] = metres
+        else:
+            held[j] = metres
     turns[:, 0] = mul(joints.turn, turns[:, 0])
+    if all(np.abs(v - skeleton.offsets[j]).max() <= STEADY * size for j, v in held.items()):
+        return places, turns, None
+    moves = np.tile(skeleton.offsets, (grid.frames, 1, 1))
+    for j, metres in held.items():
+        moves[:, j] = metres
     return places, turns, moves

@@ -1,4 +1,7 @@
-"""Additions to a glTF file: what is new is appended, so that nothing that is there ever moves."""
+"""Additions to a glTF file: what is new is appended, so that nothing that is there ever moves.
+
+Earlier additions of ours that nothing needs any longer make room: cleaning again grows no file.
+"""
 
 from __future__ import annotations
 
@@ -21,6 +24,7 @@ from footik_runtime.formats.glb_container import (
     pack_glb,
     read_bytes,
 )
+from footik_runtime.formats.gltf_own import OWN, OwnTail, own_tail, references
 from footik_runtime.formats.gltf_tree import THEIRS, THEIRS_TURN, placed
 
 Array = NDArray[np.float64]
@@ -41,6 +45,7 @@ class Additions:
         self._animations: dict[int, dict[str, Any]] = {}
         self._data = bytearray()
         self._copied: set[str] = set()
+        self._replaced: OwnTail | None = None  # earlier additions, of which some are dropped
 
     @property
     def empty(self) -> bool:
@@ -88,8 +93,10 @@ class Additions:
         at = len(self._data)
         self._data += single.tobytes()
         # The buffer's index and place are known when the file is written.
-        views.append({"buffer": -1, "byteOffset": at, "byteLength": single.nbytes})
+        place = {"buffer": -1, "byteOffset": at, "byteLength": single.nbytes}
+        views.append({"name": OWN, **place})
         owner: dict[str, Any] = {
+            "name": OWN,
             "bufferView": len(views) - 1,
             "componentType": FLOAT,
             "count": len(single),
@@ -111,21 +118,75 @@ class Additions:
         if self.empty and as_glb == self.gltf.is_glb:
             data = self.gltf.raw
         else:
+            self._drop_unused()
             data = self._packed() if as_glb else self._text()
         self._copy_named(target, as_glb)
         write_whole(target, data)
 
+    def _drop_unused(self) -> None:
+        """Leave out earlier additions that no animation needs; the others go with the new ones."""
+        tail = own_tail(self.gltf)
+        if tail is None:
+            return
+        accessors, views = self._list("accessors"), self._list("bufferViews")
+        count = len(self.gltf.items("accessors"))
+        animations = self.document.get("animations", [])
+        used = {sampler[end] for each in animations for sampler, end in references(each)}
+        kept = [a for a in range(tail.accessor, count) if a in used]
+        same = len(kept) == count - tail.accessor and not self._data
+        if same or not (kept or self._data or tail.start):  # a buffer may not be empty
+            return
+        held, data = self.gltf.buffer(tail.buffer), bytearray()
+        moved: list[tuple[dict[str, Any], dict[str, Any]]] = []
+        for owner, view in ((accessors[a], views[a - tail.accessor + tail.view]) for a in kept):
+            at = view["byteOffset"]
+            moved.append((owner, {**view, "buffer": -1, "byteOffset": len(data)}))
+            data += held[at : at + view["byteLength"]]
+        new = zip(accessors[count:], views[len(self.gltf.items("bufferViews")) :], strict=True)
+        moved += [(a, {**v, "byteOffset": len(data) + v["byteOffset"]}) for a, v in new]
+        accessors[tail.accessor :] = [
+            {**owner, "bufferView": tail.view + n} for n, (owner, _) in enumerate(moved)
+        ]
+        views[tail.view :] = [view for _, view in moved]
+        self._data, self._replaced = data + self._data, tail
+        numbers = [*kept, *range(count, count + len(moved) - len(kept))]
+        self._renumber({old: tail.accessor + n for n, old in enumerate(numbers)})
+
+    def _renumber(self, places: dict[int, int]) -> None:
+        """Give the animations the new numbers of accessors (old -> new)."""
+        for index, animation in enumerate(self.document.get("animations", [])):
+            if any(sampler[end] in places for sampler, end in references(animation)):
+                for sampler, end in references(self.animation(index)):
+                    sampler[end] = places.get(sampler[end], sampler[end])
+
+    def _buffers(self) -> list[Any]:
+        """The file's buffers without earlier additions."""
+        buffers, tail = list(self.gltf.items("buffers")), self._replaced
+        if tail is None:
+            return buffers
+        owner = {**buffers[tail.buffer], "byteLength": tail.start}
+        if "uri" in owner:
+            if not tail.start:
+                return buffers[:-1]
+            owner["uri"] = _embedded(self._bytes(tail.buffer))
+        buffers[tail.buffer] = owner
+        return buffers
+
+    def _bytes(self, index: int) -> memoryview:
+        """A buffer's bytes without earlier additions."""
+        held, tail = self.gltf.buffer(index), self._replaced
+        return held if tail is None or tail.buffer != index else held[: tail.start]
+
     def _packed(self) -> bytes:
-        chunks = list(self.gltf.chunks)
-        buffers = list(self.gltf.items("buffers"))
+        chunks, buffers = list(self.gltf.chunks), self._buffers()
         if not self.gltf.is_glb and buffers:
-            chunks = [(BIN_CHUNK, self.gltf.buffer(0))]
+            chunks = [(BIN_CHUNK, self._bytes(0))]
             buffers[0] = {k: v for k, v in buffers[0].items() if k != "uri"}
         if not buffers or "uri" not in buffers[0]:
             # Further buffers may not lie in the chunk: what is new goes on where buffer 0 ends.
-            held = self.gltf.buffer(0) if buffers else memoryview(b"")
+            held = self._bytes(0) if buffers else memoryview(b"")
             start = -(-len(held) // 4) * 4
-            if self._data:
+            if self._data or self._replaced:
                 whole = bytes(held) + bytes(start - len(held)) + bytes(self._data)
                 buffers[:1] = [{**(buffers[0] if buffers else {}), "byteLength": len(whole)}]
                 rest = [chunk for chunk in chunks if chunk[0] != BIN_CHUNK]
@@ -134,9 +195,9 @@ class Additions:
         return pack_glb(self._with_buffer(buffers), chunks)
 
     def _text(self) -> bytes:
-        buffers = list(self.gltf.items("buffers"))
+        buffers = self._buffers()
         if self.gltf.is_glb and buffers and "uri" not in buffers[0]:
-            buffers[0] = {**buffers[0], "uri": _embedded(self.gltf.buffer(0))}
+            buffers[0] = {**buffers[0], "uri": _embedded(self._bytes(0))}
         return dumped(self._with_buffer(buffers), indent=1)
 
     def _with_buffer(self, buffers: list[Any]) -> dict[str, Any]:

@@ -5,7 +5,7 @@ glTF has channels for nodes only; extras are what it keeps for everything else.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from footik_runtime.clip import Clip
 from footik_runtime.formats.glb_container import Gltf
 from footik_runtime.formats.gltf_tracks import Grid
+from footik_runtime.offline.curve_keys import CURVE_KEYS, Interpolation, Keys
 
 Array = NDArray[np.float64]
 
 CURVES, LOOP, TIP = "footik_curves", "footik_loop", "footik_tip"
-KEYS = "curve_keys"  # the entry of a clip's extras with the keys its curves were sampled from
-KINDS = ("linear", "smooth", "step")
+KINDS = get_args(Interpolation)
 
 
 def with_curves(extras: dict[str, Any], clip: Clip) -> dict[str, Any]:
@@ -43,8 +43,8 @@ def _keys(clip: Clip, name: str) -> dict[str, Any]:
     Of the latter, those whose value both neighbours have are left out: linear, and still exact.
     """
     values = np.asarray(clip.curves[name], dtype=np.float64)
-    known = clip.extras.get(KEYS, {}).get(name)
-    if known is not None and known.interpolation in KINDS:
+    known = clip.extras.get(CURVE_KEYS, {}).get(name)
+    if known is not None:
         given = (known.times, known.values, known.slopes)
         if np.array_equal(_sampled(*given, known.interpolation, clip.times), values):
             return _written(*given, known.interpolation)
@@ -61,16 +61,17 @@ def _written(times: Array, values: Array, slopes: Array, kind: str) -> dict[str,
     return keys
 
 
-def read_curves(gltf: Gltf, held: Any, grid: Grid) -> dict[str, Array]:
-    """Curves (T,) of an animation's extras, on its frames.
+def read_curves(gltf: Gltf, held: Any, grid: Grid) -> tuple[dict[str, Array], dict[str, Keys]]:
+    """Curves (T,) of an animation's extras, on its frames, and the keys of those that have some.
 
     "smooth" is Hermite's cubic with the slopes that are there, or zero; "step" holds.
     """
     if held is None:
-        return {}
+        return {}, {}
     where = f"extras.{CURVES}"
     frames = np.arange(grid.frames) / grid.fps
     found: dict[str, Array] = {}
+    made: dict[str, Keys] = {}
     for name, curve in gltf.get(held, "curves", dict, where).items():
         own = f"the curve {name[:60]!r} of {where}"
         count = len(gltf.get(curve, "times", list, own))
@@ -84,7 +85,9 @@ def read_curves(gltf: Gltf, held: Any, grid: Grid) -> dict[str, Array]:
             gltf.fail(f"the interpolation of {own} is {kind[:20]!r}, not {KINDS}")
         slopes = np.zeros(count) if slopes is None else slopes
         found[name] = _sampled(times, values, slopes, kind, frames)
-    return found
+        if kind != "linear":  # lines through every frame are no keys that anyone made
+            made[name] = Keys(times=times, values=values, slopes=slopes, interpolation=kind)
+    return found, made
 
 
 def _sampled(times: Array, values: Array, slopes: Array, kind: str, at: Array) -> Array:
