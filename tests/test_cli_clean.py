@@ -84,6 +84,13 @@ def test_a_folder_goes_on_past_a_file_that_fails(monkeypatch, capsys, folder, tm
     assert written == ["more/two.npz", "one.bvh", "one.curves.json"]
 
 
+def data_of(text: str, pattern: str):
+    """The data that a page holds."""
+    found = re.search(pattern, text)
+    assert found is not None
+    return json.loads(found[1].replace("<\\/", "</"))
+
+
 def files(place: Path) -> list[Path]:
     return [path for path in place.rglob("*") if path.is_file()]
 
@@ -177,7 +184,7 @@ def test_a_report_is_one_page_that_fetches_nothing(monkeypatch, capsys, folder, 
     assert "canvas" in page.tags
     assert page.fetched == []
     assert "http" not in text
-    held = json.loads(re.search(r"const D = (\{.*\});", text).group(1).replace("<\\/", "</"))
+    held = data_of(text, r"const D = (\{.*\});")
     clip = load_clip(tmp_path / "o.bvh")
     joints = np.frombuffer(base64.b64decode(held["joints"]["after"]), "<i2")
     assert len(joints) == 3 * len(clip) * len(clip.skeleton)
@@ -204,7 +211,7 @@ def test_a_folders_report_is_a_table_of_all_clips_with_their_pages(
     assert code == 1
     text = (out / "all.html").read_text()
     assert "http" not in text
-    rows = json.loads(re.search(r"const ROWS = (\[.*\]);", text).group(1).replace("<\\/", "</"))
+    rows = data_of(text, r"const ROWS = (\[.*\]);")
     by_name = {Path(row["file"]).name: row for row in rows}
     assert sorted(by_name) == ["broken.bvh", "one.bvh", "two.npz"]
     assert "line" in by_name["broken.bvh"]["error"]

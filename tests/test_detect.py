@@ -183,7 +183,7 @@ def test_a_file_that_is_no_trial_is_one_error(tmp_path):
     (tmp_path / "a.npz").write_bytes(b"PK no")
     np.savez(tmp_path / "b.npz", fps=100.0, heel=np.zeros((4, 2, 3)))
     flat = {name: np.zeros((4, 2)) for name in ("heel", "ankle", "toe", "contact", "known")}
-    np.savez(tmp_path / "c.npz", fps=100.0, **flat)
+    np.savez(tmp_path / "c.npz", fps=100.0, **flat)  # pyright: ignore[reportArgumentType]
     for name, words in (("a", "no trial"), ("b", "a trial needs"), ("c", "heel must have shape")):
         with pytest.raises(FootIKError, match=words):
             read_trial(tmp_path / f"{name}.npz")
