@@ -9,7 +9,7 @@ from numbers import Real
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from footik_runtime.crowd import Crowd, stays_in_place
 from footik_runtime.errors import FootIKError
@@ -21,6 +21,8 @@ from footik_runtime.settings import FootIKSettings, body_size, settings_or_defau
 from footik_runtime.sole import BALL, all_sole_points
 
 Array = NDArray[np.float64]
+
+Drive = Callable[[float], tuple[ArrayLike, float]]
 
 _MOST_FRAMES = 1_000_000
 """Of a recording: some 10 GB for a skeleton of 31 joints."""
@@ -59,6 +61,7 @@ def record_walk(
     settings: FootIKSettings | None = None,
     ik: bool = True,
     speed: float | None = None,
+    drive: Drive | None = None,
     each_frame: Callable[[int, int], None] = lambda frame, frames: None,
 ) -> Recording:
     """Let the scene's character walk on for some seconds, from the terrain's start, facing +x.
@@ -70,6 +73,8 @@ def record_walk(
         settings: of the feet.
         ik: False leaves the animation as it is, on the same path: the untouched input.
         speed: m/s along the motion's own direction; the motion's own by default.
+        drive: time, s -> the commanded velocity (2,), m/s in the root's frame, and turn rate,
+            rad/s; instead of `speed`.
         each_frame: told (frame, frames) after each frame.
 
     Raises:
@@ -95,10 +100,12 @@ def record_walk(
     tape = _Tape(scene, frames, ik)
     for frame in range(frames):
         scene.pose_terrain(frame / fps)
+        if drive is not None:
+            crowd.command(*drive(frame / fps))
         crowd.step(1.0 / fps if frame else 0.0)
         tape.take(frame, crowd, ground)
         each_frame(frame, frames)
-    return tape.recording(fps)
+    return tape.recording(fps, even=drive is None)
 
 
 def _at_speed(motion: Motion, speed: float) -> Array:
@@ -166,7 +173,7 @@ class _Tape:
             self._frame_at[frame, leg] = self._scene.data.xpos[stands]
             self._frame_turn[frame, leg] = self._scene.data.xquat[stands]
 
-    def recording(self, fps: float) -> Recording:
+    def recording(self, fps: float, *, even: bool) -> Recording:
         rig = self._scene.motion.rig
         feet = np.array(self._feet)
         legs = rig.legs
@@ -174,6 +181,7 @@ class _Tape:
         names = ("hip", "knee", "ankle", "toe") if has_toes else ("hip", "knee", "ankle")
         chains = np.array([[getattr(leg, name) for name in names] for leg in legs])
         times = np.arange(len(self._roots)) / fps
+        phase_at = partial(_phases_at, self._scene.motion, float(self._bodies[0]["rate"]))
         run = Run(
             fps=fps,
             times=times,
@@ -184,7 +192,7 @@ class _Tape:
             sole=self._sole,
             ground=self._ground,
             phase=self._phases,
-            phase_at=partial(_phases_at, self._scene.motion, float(self._bodies[0]["rate"])),
+            phase_at=phase_at if even else None,
             locked=feet["locked"].astype(bool) if self._ik else None,
             pin=np.where(feet["locked"] == 1, feet["pin"], -1),
             ground_positions=self._frame_at,

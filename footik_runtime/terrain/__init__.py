@@ -5,7 +5,8 @@ pieces of your own one after another along x. World frame, metres; characters st
 facing +x.
 """
 
-from footik_runtime.terrain.even import Flat, Gap, Ledge, Ramp, Stairs, Step
+from footik_runtime.terrain.belt import Belt
+from footik_runtime.terrain.even import Flat, Gap, Ledge, Ramp, SideSlope, Stairs, Step
 from footik_runtime.terrain.hills import Hills
 from footik_runtime.terrain.layout import BEGIN, Terrain
 from footik_runtime.terrain.named import TERRAINS, make_terrain
@@ -18,6 +19,7 @@ __all__ = [
     "FRICTION",
     "TERRAINS",
     "TERRAIN_GROUP",
+    "Belt",
     "Flat",
     "Gap",
     "Hills",
@@ -26,6 +28,7 @@ __all__ = [
     "Platform",
     "Ramp",
     "Rubble",
+    "SideSlope",
     "Site",
     "Stairs",
     "Step",

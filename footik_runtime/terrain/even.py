@@ -15,6 +15,7 @@ from footik_runtime.terrain.look import EDGE, GROUND, GROUND_DARK, PIT
 from footik_runtime.terrain.piece import Array, Piece, Range, Site
 
 _RAMP_THICKNESS = 0.6
+_SIDE_SLOPE = 2.0  # m to either side that a slope across the way reaches
 _RAMP_OVERLAP = 0.02  # m that a ramp goes on below the ground at its lower end: no open crease
 _RAMP_OVERHANG = 0.005  # m that a ramp is wider than its neighbours: no two coplanar side faces
 
@@ -80,6 +81,47 @@ class Ramp(Piece):
     def height(self, site: Site, x: Array, y: Array) -> Array:
         slope = math.tan(math.radians(self.angle_deg))
         return np.broadcast_to(x * slope, np.broadcast_shapes(x.shape, y.shape)).copy()
+
+
+@dataclass(frozen=True, kw_only=True)
+class SideSlope(Piece):
+    """A slope across the way: the left is high for a positive angle. At y = 0 it is level.
+
+    Away from y = 0 it begins and ends with an edge.
+
+    Attributes:
+        angle_deg: degrees from level.
+        length: m, along x.
+    """
+
+    RANGES: ClassVar[dict[str, Range]] = {"angle_deg": (-45.0, 45.0), "length": (0.1, 1000.0)}
+    angle_deg: float = 15.0
+    length: float = 6.0
+
+    @property
+    def span(self) -> float:
+        return self.length
+
+    @property
+    def lowest(self) -> float:
+        return -_SIDE_SLOPE * math.tan(math.radians(abs(self.angle_deg)))
+
+    def build(self, spec: mujoco.MjSpec, site: Site) -> None:
+        angle, half = math.radians(self.angle_deg), 0.5 * _RAMP_THICKNESS
+        site.block(
+            spec.worldbody,
+            "side_slope",
+            centre=site.point_w(0.5 * self.length, half * math.sin(angle), -half * math.cos(angle)),
+            half_sizes=[0.5 * self.length, min(site.half_width, _SIDE_SLOPE) / math.cos(angle), half],
+            quat=[math.cos(0.5 * angle), math.sin(0.5 * angle), 0.0, 0.0],
+            material=GROUND_DARK,
+        )
+
+    def height(self, site: Site, x: Array, y: Array) -> Array:
+        slope = math.tan(math.radians(self.angle_deg))
+        within = np.abs(y) <= min(site.half_width, _SIDE_SLOPE)
+        height = np.where(within, y * slope, np.nan)
+        return np.broadcast_to(height, np.broadcast_shapes(x.shape, y.shape)).copy()
 
 
 @dataclass(frozen=True, kw_only=True)
