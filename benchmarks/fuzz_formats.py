@@ -2,10 +2,10 @@
 
     python benchmarks/fuzz_formats.py [--count 1000] [--seconds 300] [--seed 0] [--keep FOLDER]
 
-Whole files (of every kind, made here, and those of --folder) are mutated and read. A reader fails a case where it
-raises anything but FootIKError, takes over a second of processor time, or more memory than ten
-times the file and 16 MB. What was read is written back and read again, under the same rules. The
-same seed makes the same files; failures are put into --keep.
+Whole files (of every kind, made here, and those of --folder) are mutated and read. A reader fails
+a case where it raises anything but FootIKError, takes over a second of processor time, or more
+memory than ten times the file and 16 MB. What was read is written back and read again, under the
+same rules. The same seed makes the same files; failures are put into --keep.
 """
 
 from __future__ import annotations
@@ -68,12 +68,12 @@ class HangError(BaseException):
 
 @dataclass(frozen=True, kw_only=True)
 class Format:
-    """One kind of file: its suffix, what reads and writes it, and what makes a whole one."""
+    """One kind of file: its suffix, what reads, writes and makes it."""
 
     suffix: str
     read: Reader
-    write: Writer
-    make: Callable[[Clip, Path], None]
+    write: Writer | None
+    make: Writer
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,20 +109,26 @@ def formats() -> dict[str, Format]:
         np.savez(path, poses=poses, trans=clip.root_positions, mocap_framerate=60.0)
 
     walk = _plain_walk()
-    curves = (lambda path: read_curves(path, walk), lambda clip, path: write_curves(path, clip))
-    made: dict[str, tuple[str, Reader, Writer, Callable[[Clip, Path], None] | None]] = {
-        "bvh": (".bvh", read_bvh, write_bvh, None),
-        "glb": (".glb", read_gltf, write_gltf, None),
-        "gltf": (".gltf", read_gltf, write_gltf, None),
-        "npz": (".npz", read_npz, write_npz, None),
-        "amass": (".npz", read_amass, write_npz, make_amass),
+
+    def curves(path: Path) -> Clip:
+        return read_curves(path, walk)
+
+    def made_curves(clip: Clip, path: Path) -> None:
+        write_curves(path, clip)
+
+    made: dict[str, tuple[str, Reader, Writer | None, Writer]] = {
+        "bvh": (".bvh", read_bvh, write_bvh, write_bvh),
+        "glb": (".glb", read_gltf, write_gltf, write_gltf),
+        "gltf": (".gltf", read_gltf, write_gltf, write_gltf),
+        "npz": (".npz", read_npz, write_npz, write_npz),
+        "amass": (".npz", read_amass, None, make_amass),
         "qpos": (".npz", rows, write_rows, make_archive),
         "qpos table": (".csv", rows, write_rows, make_table),
-        "curves": (".json", *curves, None),
-        "curve table": (".csv", *curves, None),
+        "curves": (".json", curves, made_curves, made_curves),
+        "curve table": (".csv", curves, made_curves, made_curves),
     }
     return {
-        kind: Format(suffix=suffix, read=read, write=write, make=make or write)
+        kind: Format(suffix=suffix, read=read, write=write, make=make)
         for kind, (suffix, read, write, make) in made.items()
     }
 
