@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 from pathlib import Path
 
@@ -103,8 +104,8 @@ def test_objects_and_bombs_are_refused(tmp_path):
     np.savez_compressed(tmp_path / "bomb.npz", footik_clip=np.zeros(30_000_000))
     with pytest.raises(FootIKError, match="times its size"):
         read_npz(tmp_path / "bomb.npz")
+    np.savez(tmp_path / "other.npz", a=np.zeros(3))
     with pytest.raises(FootIKError, match=r"need the MuJoCo model|broken|no clip"):
-        np.savez(tmp_path / "other.npz", a=np.zeros(3))
         load_clip(tmp_path / "other.npz")
 
 
@@ -118,10 +119,8 @@ def test_damaged_archives_are_errors_of_ours(walk, tmp_path_factory, data):
         content[data.draw(st.integers(0, len(content) - 1))] = data.draw(st.integers(0, 255))
     path = folder / "damaged.npz"
     path.write_bytes(bytes(content[: data.draw(st.integers(0, len(content)))]))
-    try:
+    with contextlib.suppress(FootIKError):
         load_clip(path)
-    except FootIKError:
-        pass
 
 
 def test_amass_has_legs_stands_on_the_floor_and_turns_as_its_poses_say(tmp_path):
@@ -154,6 +153,10 @@ def test_amass_has_legs_stands_on_the_floor_and_turns_as_its_poses_say(tmp_path)
         ({"poses": np.zeros((4, 72)), "trans": np.zeros((4, 3))}, "frame rate is missing"),
         ({"poses": np.zeros((4, 72)), "trans": np.zeros((4, 3)), "fps": 0.0}, "positive"),
         ({"poses": np.full((4, 72), np.nan), "trans": np.zeros((4, 3)), "fps": 30.0}, "finite"),
+        (
+            {"poses": np.full((4, 72), 5, np.float16), "trans": np.full((4, 3), "a"), "fps": 30.0},
+            "finite",
+        ),
         ({"poses": np.full((4, 72), 1e160), "trans": np.zeros((4, 3)), "fps": 30.0}, "beyond"),
     ],
 )

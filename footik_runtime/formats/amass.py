@@ -110,11 +110,12 @@ def clip_of(arrays: Mapping[str, NDArray[Any]], path: str | os.PathLike[str]) ->
 
 
 def _numbers(value: NDArray[Any], name: str, path: Any) -> Array:
-    if value.dtype.kind not in "iuf" or not (np.abs(value) <= LARGEST_VALUE).all():
+    numbers = value.astype(np.float64) if value.dtype.kind in "iuf" else np.full(1, np.nan)
+    if not (np.abs(numbers) <= LARGEST_VALUE).all():
         raise FootIKError(
             f"{path}: the array {name} must hold finite numbers, none beyond {LARGEST_VALUE:g}."
         )
-    return value.astype(np.float64)
+    return numbers
 
 
 def _joints(poses: Array, path: str | os.PathLike[str]) -> list[tuple[str, str, Any]]:
