@@ -26,6 +26,7 @@ import tyro
 from footik_runtime import gait
 from footik_runtime.builtin import humanoid_rig
 from footik_runtime.commands.clean import clean
+from footik_runtime.commands.files import ALL, Reading
 from footik_runtime.errors import FootIKError
 from footik_runtime.formats import save_clip
 from footik_runtime.offline.skate import inject, true_walk
@@ -90,7 +91,7 @@ def table(files: list[Path], folder: Path, made_in: Path) -> tuple[list[str], in
         cleaned = made_in / f"cleaned {path.name}"
         try:
             with contextlib.redirect_stdout(io.StringIO()):
-                clean((path,), cleaned, animation="all")
+                clean((path,), cleaned, reading=Reading(animation=ALL))
         except (FootIKError, SystemExit) as error:  # SystemExit: what is wrong was printed
             lines.append(f"{path.name:24} not cleaned {'' if str(error) == '1' else error}".strip())
             continue
