@@ -2,16 +2,15 @@
 
     python benchmarks/fuzz_formats.py [--count 1000] [--seconds 300] [--seed 0] [--keep FOLDER]
 
-Whole files (made here, and those of --folder) are mutated and read. A reader fails a case where it
-raises anything but FootIKError, takes over a second of processor time, or more memory than ten
-times the file and 16 MB. What was read is written back and read again, under the same rules. The
-same seed makes the same files; failures are put into --keep.
+Whole files (of every kind, made here, and those of --folder) are mutated and read. A reader fails
+a case where it raises anything but FootIKError, takes over a second of processor time, or more
+memory than ten times the file and 16 MB. What was read is written back and read again, under the
+same rules. The same seed makes the same files; failures are put into --keep.
 """
 
 from __future__ import annotations
 
 import contextlib
-import importlib
 import os
 import signal
 import sys
@@ -21,26 +20,38 @@ import tracemalloc
 import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
+import mujoco
 import numpy as np
 import tyro
 from mutated_files import mutated
 
-from footik_runtime.builtin import builtin_motion
+from footik_runtime.builtin import HUMANOID, builtin_motion
 from footik_runtime.clip import Clip
 from footik_runtime.errors import FootIKError
+from footik_runtime.formats import (
+    read_bvh,
+    read_gltf,
+    read_npz,
+    read_qpos,
+    write_bvh,
+    write_gltf,
+    write_npz,
+    write_qpos,
+)
+from footik_runtime.formats.amass import read_amass
+from footik_runtime.offline.curve_files import read_curves, write_curves
 
 MOST_SECONDS = 1.0
 HANGS_AFTER = 20  # s: the case is broken off
 TIMES_THE_FILE, FLOOR = 10, 16 << 20
 LARGEST_SEED = 700_000  # bytes of a file that is mutated
-FORMATS = {".bvh": "bvh", ".glb": "gltf", ".npz": "npz"}
 
 Reader = Callable[[Path], Clip]
-Writer = Callable[[Clip, Path], None]
+Writer = Callable[[Clip, Path], Any]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,45 +66,93 @@ class HangError(BaseException):
     """A case took so long that it was broken off."""
 
 
-def formats() -> dict[str, tuple[Reader, Writer]]:
-    """Suffix -> reader and writer of each format that there is."""
-    found: dict[str, tuple[Reader, Writer]] = {}
-    for suffix, name in FORMATS.items():
-        with contextlib.suppress(ModuleNotFoundError):
-            module = importlib.import_module(f"footik_runtime.formats.{name}")
-            writer = "gltf_write" if name == "gltf" else name
-            written = importlib.import_module(f"footik_runtime.formats.{writer}")
-            write = getattr(written, f"write_{name}")
-            found[suffix] = (getattr(module, f"read_{name}"), _clip_first(write))
-    return found
+@dataclass(frozen=True, kw_only=True)
+class Format:
+    """One kind of file: its suffix, what reads, writes and makes it."""
+
+    suffix: str
+    read: Reader
+    write: Writer | None
+    make: Writer
 
 
-def _clip_first(write: Callable[..., Any]) -> Writer:
-    """A writer as (clip, path), whichever of them it takes first."""
-    first = write.__code__.co_varnames[0]
-    return (lambda clip, path: write(path, clip)) if first == "path" else write
+@dataclass(frozen=True, kw_only=True)
+class Whole:
+    """A whole file, and the name of its kind in `formats()`."""
+
+    path: Path
+    kind: str
 
 
-def seeds(folder: Path | None, made_in: Path) -> list[Path]:
-    """Whole files to mutate: the built-in walk in each format, and those of a folder."""
+def formats() -> dict[str, Format]:
+    """All kinds of files that are read, by name."""
+    model = mujoco.MjModel.from_xml_path(str(HUMANOID))
+
+    def rows(path: Path) -> Clip:
+        return read_qpos(path, model, fps=30.0)
+
+    def write_rows(clip: Clip, path: Path) -> None:
+        write_qpos(clip, path)
+
+    def qpos_of(clip: Clip) -> np.ndarray:
+        wave = np.sin(np.arange(len(clip))[:, None] / 7.0 + np.arange(model.nq))
+        return model.qpos0 + 0.1 * wave
+
+    def make_archive(clip: Clip, path: Path) -> None:
+        np.savez(path, qpos=qpos_of(clip), qvel=np.zeros((len(clip), model.nv)), fps=30.0)
+
+    def make_table(clip: Clip, path: Path) -> None:
+        np.savetxt(path, qpos_of(clip), delimiter=",")
+
+    def make_amass(clip: Clip, path: Path) -> None:
+        poses = 0.1 * np.sin(np.arange(len(clip))[:, None] / 7.0 + np.arange(72))
+        np.savez(path, poses=poses, trans=clip.root_positions, mocap_framerate=60.0)
+
+    walk = _plain_walk()
+
+    def curves(path: Path) -> Clip:
+        return read_curves(path, walk)
+
+    def made_curves(clip: Clip, path: Path) -> None:
+        write_curves(path, clip)
+
+    made: dict[str, tuple[str, Reader, Writer | None, Writer]] = {
+        "bvh": (".bvh", read_bvh, write_bvh, write_bvh),
+        "glb": (".glb", read_gltf, write_gltf, write_gltf),
+        "gltf": (".gltf", read_gltf, write_gltf, write_gltf),
+        "npz": (".npz", read_npz, write_npz, write_npz),
+        "amass": (".npz", read_amass, None, make_amass),
+        "qpos": (".npz", rows, write_rows, make_archive),
+        "qpos table": (".csv", rows, write_rows, make_table),
+        "curves": (".json", curves, made_curves, made_curves),
+        "curve table": (".csv", curves, made_curves, made_curves),
+    }
+    return {
+        kind: Format(suffix=suffix, read=read, write=write, make=make)
+        for kind, (suffix, read, write, make) in made.items()
+    }
+
+
+def _plain_walk() -> Clip:
+    """20 frames of the built-in walk with its curves, as nothing but a clip."""
     walk = builtin_motion("walk").clip.cut(0, 20)
-    plain = Clip(
-        skeleton=walk.skeleton,
-        fps=walk.fps,
-        root_positions=walk.root_positions,
-        rotations=walk.rotations,
-        curves=walk.curves,
-    )
-    found = []
-    for suffix, (_, write) in formats().items():
-        write(plain, made_in / f"walk{suffix}")
-        found.append(made_in / f"walk{suffix}")
-    if folder is not None:
-        for path in sorted(folder.rglob("*")):
-            if path.suffix in formats() and path.stat().st_size <= LARGEST_SEED:
-                with contextlib.suppress(FootIKError):  # a file of another layout
-                    formats()[path.suffix][0](path)
-                    found.append(path)
+    return replace(walk, extras={}, loop=False)
+
+
+def seeds(folder: Path | None, made_in: Path) -> list[Whole]:
+    """Whole files to mutate: the built-in walk in each kind, and those of a folder."""
+    walk, found = _plain_walk(), []
+    for kind, known in formats().items():
+        path = made_in / f"{kind}{known.suffix}"
+        known.make(walk, path)
+        found.append(Whole(path=path, kind=kind))
+    for path in sorted(folder.rglob("*")) if folder is not None else []:
+        if path.is_file() and path.stat().st_size <= LARGEST_SEED:
+            for kind, known in formats().items():
+                with contextlib.suppress(FootIKError):  # a file of another kind
+                    if path.suffix == known.suffix:
+                        known.read(path)
+                        found.append(Whole(path=path, kind=kind))
     return found
 
 
@@ -167,8 +226,7 @@ def _alarm(seconds: int) -> Iterator[None]:
 
 
 def fuzz(
-    files: list[Path],
-    known: dict[str, tuple[Reader, Writer]],
+    files: list[Whole],
     *,
     count: int,
     seed: int = 0,
@@ -179,27 +237,28 @@ def fuzz(
     """Mutate and read `count` files: how each ended, and a line for each failure."""
     ends: Counter[str] = Counter()
     failures: list[str] = []
-    whole = [(path, path.read_bytes()) for path in files]
+    known = formats()
+    whole = [(file, file.path.read_bytes()) for file in files]
     stop = time.monotonic() + seconds
     with tempfile.TemporaryDirectory() as folder:
-        for path, _ in whole:  # compiles what is compiled at first use
-            _way(path, known[path.suffix][0], None)
+        for file, _ in whole:  # compiles what is compiled at first use
+            _way(file.path, known[file.kind].read, None)
         for case in range(first, first + count):
             if time.monotonic() > stop:
                 break
             rng = np.random.default_rng([seed, case])
-            path, data = whole[case % len(whole)]
-            data = mutated(data, path.suffix, rng)
-            broken = Path(folder) / f"case{path.suffix}"
+            file, data = whole[case % len(whole)]
+            suffix = file.path.suffix
+            data = mutated(data, suffix, rng)
+            broken = Path(folder) / f"case{suffix}"
             broken.write_bytes(data)
-            reader, writer = known[path.suffix]
-            outcome = judge(broken, reader, writer, len(data))
-            ends[f"{path.suffix} {outcome.ended}"] += 1
+            outcome = judge(broken, known[file.kind].read, known[file.kind].write, len(data))
+            ends[f"{file.kind} {outcome.ended}"] += 1
             if outcome.wrong:
-                failures.append(f"case {case} of seed {seed} ({path.name}): {outcome.wrong}")
+                failures.append(f"case {case} of seed {seed} ({file.path.name}): {outcome.wrong}")
                 if keep is not None:
                     keep.mkdir(parents=True, exist_ok=True)
-                    (keep / f"{seed}_{case}{path.suffix}").write_bytes(data)
+                    (keep / f"{seed}_{case}{suffix}").write_bytes(data)
     return ends, failures
 
 
@@ -216,9 +275,9 @@ def main(
         folder = Path(os.environ["FOOTIK_SHARED"]) / "data"
     with tempfile.TemporaryDirectory() as made_in:
         files = seeds(folder, Path(made_in))
-        print("whole files:", ", ".join(path.name for path in files))
+        print("whole files:", ", ".join(file.path.name for file in files), flush=True)
         ends, failures = fuzz(
-            files, formats(), count=count, seed=seed, first=first, seconds=seconds, keep=keep
+            files, count=count, seed=seed, first=first, seconds=seconds, keep=keep
         )
     for line in failures:
         print(line)

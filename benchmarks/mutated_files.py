@@ -8,6 +8,7 @@ reached and not only the first check.
 
 from __future__ import annotations
 
+import contextlib
 import io
 import json
 import re
@@ -38,7 +39,10 @@ _NUMBER = re.compile(rb"[-+]?\d[\d.eE+-]*")
 def mutated(data: bytes, suffix: str, rng: Rng) -> bytes:
     """A file with one to six things changed, most often one."""
     kinds = [_flip, _flip, _cut, _double, _splice, _word, _number, _number]
-    kinds += {".glb": [_glb_json] * 8 + [_glb_floats] * 4, ".npz": [_npz] * 12}.get(suffix, [])
+    kinds += {
+        ".glb": [_glb_json] * 8 + [_glb_floats] * 4,
+        ".npz": [_npz] * 8 + [_npz_values] * 8,
+    }.get(suffix, [])
     for _ in range(min(int(rng.geometric(0.6)), 6)):
         data = _one(kinds, rng)(data, rng)
     return data
@@ -146,13 +150,58 @@ def _glb_floats(data: bytes, rng: Rng) -> bytes:
     return bytes(out)
 
 
-def _npz(data: bytes, rng: Rng) -> bytes:
-    """Change, drop, rename or double a member of an NPZ; its checksums stay right."""
+def _members(data: bytes) -> list[tuple[str, bytes]]:
+    """Names and bytes of an NPZ's members; none where it is broken already."""
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as held:
-            members = [(info.filename, held.read(info)) for info in held.infolist()]
-    except Exception:  # broken before in one of the many ways that zipfile knows
+            return [(info.filename, held.read(info)) for info in held.infolist()]
+    except Exception:  # in one of the many ways that zipfile knows
+        return []
+
+
+def _zipped(members: list[tuple[str, bytes]], packing: int) -> bytes:
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w", packing) as made:
+        for name, body in {name: body for name, body in members}.items():
+            made.writestr(name, body)
+    return out.getvalue()
+
+
+def _npz_values(data: bytes, rng: Rng) -> bytes:
+    """Odd values in one array of an NPZ, or another shape, type or number of rows."""
+    members = _members(data)
+    if not members:
         return data
+    which = int(rng.integers(len(members)))
+    name, body = members[which]
+    try:
+        array = np.load(io.BytesIO(body), allow_pickle=False)
+    except Exception:  # broken before
+        return data
+    what = rng.random()
+    if what < 0.6 and array.size and array.dtype.kind in "fiub":
+        array = array.copy()
+        floats = (0.0, -1.0, 0.5, 1e-30, 1e30, 1e308, float("nan"), float("inf"))
+        odd = floats if array.dtype.kind == "f" else (0, 1, 2, 100)
+        with np.errstate(over="ignore"):
+            for _ in range(int(rng.integers(1, 5))):
+                array.flat[int(rng.integers(array.size))] = _one(odd, rng)
+    elif what < 0.75:
+        array = array[: int(rng.integers(0, 1 + len(array)))] if array.ndim else array[None]
+    elif what < 0.9:
+        with np.errstate(all="ignore"), contextlib.suppress(ValueError):  # text that is no number
+            array = array.astype(_one(("f4", "f2", "i1", "u8", "U3", "c16", "?"), rng))
+    else:
+        array = array.T if rng.random() < 0.5 else array[..., None]
+    out = io.BytesIO()
+    np.save(out, array, allow_pickle=False)
+    members[which] = (name, out.getvalue())
+    return _zipped(members, zipfile.ZIP_STORED)
+
+
+def _npz(data: bytes, rng: Rng) -> bytes:
+    """Change, drop, rename or double a member of an NPZ; its checksums stay right."""
+    members = _members(data)
     if not members:
         return data
     which = int(rng.integers(len(members)))
@@ -168,9 +217,4 @@ def _npz(data: bytes, rng: Rng) -> bytes:
         changes: list[Callable[[bytes, Rng], bytes]] = [_flip, _cut, _double, _number, _word]
         members[which] = (name, _one(changes, rng)(body, rng))
     packing = zipfile.ZIP_DEFLATED if rng.random() < 0.2 else zipfile.ZIP_STORED
-    out = io.BytesIO()
-    with zipfile.ZipFile(out, "w", packing) as made:
-        made.filename = None
-        for name, body in {name: body for name, body in members}.items():
-            made.writestr(name, body)
-    return out.getvalue()
+    return _zipped(members, packing)

@@ -153,6 +153,11 @@ def test_amass_has_legs_stands_on_the_floor_and_turns_as_its_poses_say(tmp_path)
         ({"poses": np.zeros((4, 72)), "trans": np.zeros((4, 3))}, "frame rate is missing"),
         ({"poses": np.zeros((4, 72)), "trans": np.zeros((4, 3)), "fps": 0.0}, "positive"),
         ({"poses": np.full((4, 72), np.nan), "trans": np.zeros((4, 3)), "fps": 30.0}, "finite"),
+        (
+            {"poses": np.full((4, 72), 5, np.float16), "trans": np.full((4, 3), "a"), "fps": 30.0},
+            "finite",
+        ),
+        ({"poses": np.full((4, 72), 1e160), "trans": np.zeros((4, 3)), "fps": 30.0}, "beyond"),
     ],
 )
 def test_what_is_no_amass_archive_is_one_error(tmp_path, arrays, words):

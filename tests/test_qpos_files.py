@@ -113,6 +113,7 @@ def test_tables_are_read_with_the_quaternion_in_either_order(tmp_path, header, l
         ({"qpos": np.zeros((5, 3)), "fps": 30.0}, "rows have 23 numbers"),
         ({"qpos": np.zeros((0, 23)), "fps": 30.0}, "has no frames"),
         ({"qpos": np.full((5, 23), np.nan), "fps": 30.0}, "not finite at frame 0"),
+        ({"qpos": np.full((5, 23), 1e160), "fps": 30.0}, r"at frame 0, or beyond 1e\+15"),
         ({"qpos": np.zeros((5, 23), dtype="U3"), "fps": 30.0}, "of <U3"),
         ({"qpos": np.zeros((5, 23), dtype=object), "fps": 30.0}, "Python objects"),
         ({"qpos": np.ones((5, 23))}, "does not tell its frame rate"),

@@ -54,6 +54,8 @@ _FINGERS = ("Index", "Middle", "Pinky", "Ring", "Thumb")
 _FINGER_AT = {"Index": 0.02, "Middle": 0.0, "Pinky": -0.045, "Ring": -0.025, "Thumb": 0.035}
 _FACE = (("Jaw", (0.02, 0.0, 0.01)), ("L_Eye", (0.06, 0.03, 0.06)), ("R_Eye", (0.06, -0.03, 0.06)))
 _RATES = ("mocap_framerate", "mocap_frame_rate", "fps", "framerate")
+LARGEST_VALUE = 1e15
+"""m or rad: whatever is beyond was never measured, and its square may overflow."""
 _SOLE = 0.02  # m from the foot joint down to the ground
 _ON_FLOOR = 0.1  # quantile of the frames in which a foot is as low as it comes
 _SIZES = (0.5, 1.6)  # of the body, times the average
@@ -108,9 +110,12 @@ def clip_of(arrays: Mapping[str, NDArray[Any]], path: str | os.PathLike[str]) ->
 
 
 def _numbers(value: NDArray[Any], name: str, path: Any) -> Array:
-    if value.dtype.kind not in "iuf" or not np.isfinite(value).all():
-        raise FootIKError(f"{path}: the array {name} must hold finite numbers.")
-    return value.astype(np.float64)
+    numbers = value.astype(np.float64) if value.dtype.kind in "iuf" else np.full(1, np.nan)
+    if not (np.abs(numbers) <= LARGEST_VALUE).all():
+        raise FootIKError(
+            f"{path}: the array {name} must hold finite numbers, none beyond {LARGEST_VALUE:g}."
+        )
+    return numbers
 
 
 def _joints(poses: Array, path: str | os.PathLike[str]) -> list[tuple[str, str, Any]]:

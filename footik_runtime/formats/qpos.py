@@ -38,6 +38,9 @@ Array = NDArray[np.float64]
 SOURCE = "qpos"
 """The entry of a clip's extras that holds the `QposSource` it came from."""
 
+LARGEST_VALUE = 1e15
+"""m or rad: whatever is beyond was never measured, and its square may overflow."""
+
 _ROOT_PLACE = ("tx", "ty", "tz")
 _ROOT_TURN = {"list": 0, "tilt": 1, "rotation": 2}  # part of a root -> axis
 
@@ -91,9 +94,12 @@ def read_qpos(
     source = _by_rows(table, tree, path) or _by_columns(table, tree, path)
     if len(source.qpos) == 0:
         raise FootIKError(f"{path}: has no frames.")
-    bad = np.argwhere(~np.isfinite(source.qpos))
+    bad = np.argwhere(~(np.abs(source.qpos) <= LARGEST_VALUE))  # so written, NaN is bad too
     if len(bad):
-        raise FootIKError(f"{path}: the joint values are not finite at frame {bad[0][0]}.")
+        raise FootIKError(
+            f"{path}: the joint values are not finite at frame {bad[0][0]}, or beyond "
+            f"{LARGEST_VALUE:g}."
+        )
     rate, note = (fps, ()) if fps is not None else rate_of(table, source.columns, path)
     roots, rotations, moves = locals_of(tree, source.qpos)
     clip = Clip(
