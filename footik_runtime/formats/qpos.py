@@ -170,6 +170,8 @@ def _quaternion_last(tree: Tree, qpos: Array) -> bool:
     if not tree.joints[0] or tree.joints[0][0].kind != FREE or tree.joints[0][0].column != 0:
         return False
     up = np.array([0.0, 0.0, 1.0])
+    if not (np.abs(qpos[:, 3:7]) <= LARGEST_VALUE).all():
+        return False  # refused later, with its place
     first = qa.unit(qpos[:, 3:7])
     last = np.roll(first, 1, axis=-1)
     standing = [qa.rotate(turns, up)[:, 2].mean() for turns in (first, last)]
