@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,7 +15,9 @@ from footik_runtime.files import require_writable, write_whole
 from footik_runtime.formats import save_clip
 from footik_runtime.formats.gltf import read_animations
 from footik_runtime.formats.gltf_write import write_gltf
+from footik_runtime.formats.qpos import SOURCE as QPOS
 from footik_runtime.formats.qpos import rig_of
+from footik_runtime.formats.qpos_posed import posed, unreached
 from footik_runtime.metrics import as_json, format_table
 from footik_runtime.offline.bake import BAKE_NOTES, bake
 from footik_runtime.offline.clean import clean as clean_clip
@@ -138,13 +141,22 @@ def _clean_one(
 ) -> tuple[Clip, Cleaned, dict[str, dict[str, float]]]:
     rig = rig_of(clip) or find_rig(clip.skeleton)
     cleaned = clean_clip(clip, rig, settings=settings, ground=ground)
+    if QPOS in clip.extras:
+        cleaned = _on_joints(cleaned)
     table = compare(clip, cleaned)
     if baking is not None:
-        from dataclasses import replace as changed
-
         baked = bake(cleaned.clip, cleaned.contacts, cleaned.rig, baking)
-        cleaned = changed(cleaned, clip=baked)
+        cleaned = dataclasses.replace(cleaned, clip=baked)
     return clip, cleaned, table
+
+
+def _on_joints(cleaned: Cleaned) -> Cleaned:
+    """The result as the robot's joints can pose it, with what they do not reach in its notes."""
+    clip = posed(cleaned.clip)
+    notes = [*cleaned.report.get("notes", ()), *unreached(clip)]
+    joints = clip.extras[QPOS].posed.report
+    report = {**cleaned.report, "notes": notes, "joint values": joints}
+    return dataclasses.replace(cleaned, clip=clip, report=report)
 
 
 def _write(path: Path, clips: list[Clip]) -> None:
