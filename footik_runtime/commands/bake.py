@@ -15,7 +15,7 @@ from footik_runtime.formats.qpos import rig_of
 from footik_runtime.offline.bake import BAKE_NOTES
 from footik_runtime.offline.bake import bake as bake_clip
 from footik_runtime.offline.clean import clean
-from footik_runtime.offline.curve_exports import export_curves
+from footik_runtime.offline.curve_exports import export_curves, require_export
 from footik_runtime.offline.stages import BakeSettings, CleanSettings
 from footik_runtime.rig import find_rig
 
@@ -56,6 +56,8 @@ def bake(
         ease_out=ease_out,
         replace=replace,
     )
+    if export is not None:
+        require_export(export)
     todo = jobs(clips, out)
     if json_file is not None:
         require_writable(json_file)

@@ -21,7 +21,7 @@ from footik_runtime.formats.qpos_posed import posed, unreached
 from footik_runtime.metrics import as_json, format_table
 from footik_runtime.offline.bake import BAKE_NOTES, bake
 from footik_runtime.offline.clean import clean as clean_clip
-from footik_runtime.offline.curve_exports import export_curves
+from footik_runtime.offline.curve_exports import export_curves, require_export
 from footik_runtime.offline.grounds import LevelGround, TerrainGround
 from footik_runtime.offline.measure_clip import compare
 from footik_runtime.offline.report import report_page
@@ -84,6 +84,8 @@ def clean(
     )
     baking = BakeSettings(replace=replace) if curves else None
     ground = _ground(terrain, floor)
+    if export is not None:
+        require_export(export)
     todo = jobs(clips, out)
     for path in (report, json_file):
         if path is not None:
