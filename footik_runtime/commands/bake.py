@@ -59,6 +59,8 @@ def bake(
         ease_out=ease_out,
         replace=replace,
     )
+    if export is not None:
+        require_export(export)
     todo = jobs(clips, out)
     if export is not None:
         require_export(export)
