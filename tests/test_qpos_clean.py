@@ -45,7 +45,8 @@ def footik(monkeypatch, capsys, *arguments) -> str:
     monkeypatch.setattr(sys, "argv", ["footik", *map(str, arguments)])
     cli.main()
     out, err = capsys.readouterr()
-    assert err == ""
+    # The first kernels of a fresh machine say that they are compiled.
+    assert "".join(line for line in err.splitlines() if "compiling the kernels" not in line) == ""
     return out
 
 
@@ -72,7 +73,7 @@ def test_a_robots_feet_stop_sliding(robot_walk, suffix, tmp_path, monkeypatch, c
     before = source.read_bytes()
     out = tmp_path / f"clean{suffix}"
     footik(
-        monkeypatch, capsys, "clean", source, "-o", out, "--model", xml, "--fps", FPS,
+        monkeypatch, capsys, "clean", source, "-o", out, "--model", xml, "--frame-rate", FPS,
         "--json", tmp_path / "found.json",
     )  # fmt: skip
     assert source.read_bytes() == before
@@ -103,7 +104,7 @@ def test_a_robots_curves_lie_beside_its_joint_values(
     xml, _, qpos, standing = robot_walk
     source = written(qpos, tmp_path, suffix)
     out = tmp_path / f"out{suffix}"
-    footik(monkeypatch, capsys, command, source, "-o", out, "--model", xml, "--fps", FPS)
+    footik(monkeypatch, capsys, command, source, "-o", out, "--model", xml, "--frame-rate", FPS)
     if command == "bake":
         assert out.read_bytes() == source.read_bytes()
     assert sidecar(out).is_file()

@@ -62,8 +62,6 @@ def bake(
     if export is not None:
         require_export(export)
     todo = jobs(clips, out)
-    if export is not None:
-        require_export(export)
     if json_file is not None:
         require_writable(json_file)
 

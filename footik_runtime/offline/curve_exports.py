@@ -47,12 +47,6 @@ _THIRD = "0.33333334"
 _TANGENT_MODES = {"smooth": 0, "linear": 69, "step": 103}
 
 
-def require_export(kind: str) -> None:
-    """Raise FootIKError, with the nearest name, for a kind that is not in `EXPORTS`."""
-    if kind not in EXPORTS:
-        raise unknown_name("export", kind, EXPORTS)
-
-
 def export_curves(
     path: str | os.PathLike[str], clip: Clip, kind: str, *, tolerance: float = 0.005
 ) -> list[Path]:
