@@ -21,7 +21,7 @@ from footik_runtime.offline.curve_files import (
     sidecar,
     write_curves,
 )
-from footik_runtime.offline.curve_keys import CURVE_KEYS, Keys, sample
+from footik_runtime.offline.curve_keys import CURVE_KEYS, Keys, keys_of, sample
 from footik_runtime.skeleton import Skeleton
 
 FPS = 30.0
@@ -256,17 +256,101 @@ def test_unreadable_files_are_told(tmp_path):
 
 def unity_curves(lines):
     """name -> rows of time, value, inSlope, outSlope, as they stand in the YAML."""
-    found, rows = {}, []
+    found, rows, name = {}, [], None
     for line in (line.strip() for line in lines):
         key, _, value = line.removeprefix("- ").partition(": ")
-        if key == "time":
+        if key == "name":  # of the importer: before its keys
+            name = value
+        elif key == "time":
             rows.append([float(value)])
         elif key in ("value", "inSlope", "outSlope"):
             rows[-1].append(float(value.replace("Infinity", "inf")))
+        elif key == "m_RotationOrder" and name is not None:
+            found[name], rows = np.array(rows), []
         elif key == "attribute":
-            found[value] = np.array(rows)
-            rows = []
+            found[value], rows = np.array(rows), []
     return found
+
+
+def unity_value(rows, time):
+    """A Unity AnimationCurve at a time: Hermite between keys, held where a slope is infinite."""
+    if time <= rows[0, 0]:
+        return rows[0, 1]
+    if time >= rows[-1, 0]:
+        return rows[-1, 1]
+    k = int(np.searchsorted(rows[:, 0], time, side="right")) - 1
+    (t0, v0, _, out), (t1, v1, into, _) = rows[k], rows[k + 1]
+    if math.isinf(out) or math.isinf(into):
+        return v0
+    d, u = t1 - t0, (time - t0) / (t1 - t0)
+    return (
+        (2 * u**3 - 3 * u**2 + 1) * v0
+        + (u**3 - 2 * u**2 + u) * d * out
+        + (3 * u**2 - 2 * u**3) * v1
+        + (u**3 - u**2) * d * into
+    )
+
+
+@pytest.mark.parametrize("loop", [False, True])
+@pytest.mark.parametrize("kind", ["unity", "unity-meta"])
+def test_unity_has_the_same_curve_at_any_time(tmp_path, kind, loop):
+    clip = baked(61, loop)
+    (path,) = export_curves(tmp_path / "walk.bvh", clip, kind, tolerance=0.005)
+    found = unity_curves(path.read_text().splitlines())
+    assert list(found) == list(clip.curves)
+    times = np.random.default_rng(2).uniform(0.0, clip.duration, 500)
+    scale = clip.duration if kind == "unity-meta" else 1.0
+    for name, rows in found.items():
+        told = np.array([unity_value(rows, t / scale) for t in times])
+        keys = keys_of(clip, name, 0.005)
+        np.testing.assert_allclose(told, sample(keys, times), atol=1e-6, err_msg=name)
+        at_frames = np.array([unity_value(rows, t / scale + 1e-9) for t in clip.times])
+        assert np.abs(at_frames - clip.curves[name]).max() <= 0.005 + 1e-6, name
+
+
+def test_unitys_yaml_has_the_fields_of_an_animation_clip(tmp_path):
+    yaml = pytest.importorskip("yaml")
+    clip = baked(61, loop=True)
+    (path,) = export_curves(tmp_path / "walk.bvh", clip, "unity")
+    body = path.read_text().split("\n", 3)[3]  # the tags and the document's name are Unity's own
+    told = yaml.safe_load(body)["AnimationClip"]
+    assert told["m_Name"] == "walk"
+    assert (told["serializedVersion"], told["m_SampleRate"]) == (6, 30)
+    for name, held in zip(clip.curves, told["m_FloatCurves"], strict=True):
+        assert set(held) == {"curve", "attribute", "path", "classID", "script"}
+        assert (held["attribute"], held["path"], held["classID"]) == (name, None, 95)
+        assert held["script"] == {"fileID": 0}
+        for key in held["curve"]["m_Curve"]:
+            assert key["serializedVersion"] == 3
+            assert key["weightedMode"] == 0
+            assert key["inWeight"] == key["outWeight"] == 0.33333334
+            modes = {"LeftFootIKWeight": 0, "LeftFootPhase": 103, "smile": 69}
+            assert key["tangentMode"] == modes[name]
+    (meta,) = export_curves(tmp_path / "walk.bvh", clip, "unity-meta")
+    for name, held in zip(clip.curves, yaml.safe_load(meta.read_text())["curves"], strict=True):
+        assert set(held) == {"name", "curve"}
+        assert held["name"] == name
+        assert {"serializedVersion", "m_Curve", "m_PreInfinity"} <= set(held["curve"])
+
+
+def test_unreal_has_the_same_curve_between_frames_by_straight_lines(tmp_path):
+    clip = baked()
+    table, *single = export_curves(tmp_path / "walk.bvh", clip, "unreal")
+    head, *rows = csv.reader(table.read_text().splitlines())
+    times = np.random.default_rng(3).uniform(0.0, clip.duration, 200)
+    for (name, *cells), path in zip(rows, single, strict=True):
+        expected = np.interp(times, clip.times, clip.curves[name])
+        x, y = np.array(head[1:], dtype=float), np.array(cells, dtype=float)
+        np.testing.assert_allclose(np.interp(times, x, y), expected, atol=1e-6)
+        x, y = np.loadtxt(path, delimiter=",").T
+        np.testing.assert_allclose(np.interp(times, x, y), expected, atol=1e-6)
+
+
+def test_the_plain_table_is_read_back_exactly(tmp_path):
+    clip = baked()
+    (path,) = export_curves(tmp_path / "walk.bvh", clip, "csv")
+    assert path.name == "walk.curves.csv"
+    same_curves(read_curves(path, bare(clip)), clip)
 
 
 def test_a_unity_clip_has_the_keys_and_their_slopes(tmp_path):

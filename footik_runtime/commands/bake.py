@@ -59,9 +59,9 @@ def bake(
         ease_out=ease_out,
         replace=replace,
     )
-    todo = jobs(clips, out)
     if export is not None:
         require_export(export)
+    todo = jobs(clips, out)
     if json_file is not None:
         require_writable(json_file)
 

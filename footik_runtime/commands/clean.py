@@ -25,6 +25,8 @@ from footik_runtime.errors import FootIKError
 from footik_runtime.files import require_writable, write_whole
 from footik_runtime.formats import save_clip
 from footik_runtime.formats.gltf_write import write_gltf
+from footik_runtime.formats.qpos import SOURCE as QPOS
+from footik_runtime.formats.qpos_posed import posed, unreached
 from footik_runtime.metrics import as_json, format_table
 from footik_runtime.offline.bake import BAKE_NOTES, bake
 from footik_runtime.offline.clean import clean as clean_clip
@@ -85,9 +87,9 @@ def clean(
     )
     baking = BakeSettings(replace=replace) if curves else None
     ground = _ground(terrain, floor)
-    todo = jobs(clips, out)
     if export is not None:
         require_export(export)
+    todo = jobs(clips, out)
     for path in (report, json_file):
         if path is not None:
             if path.parent == out:
@@ -141,11 +143,22 @@ def _clean_one(
     ground: Ground | None,
 ) -> _Done:
     cleaned = clean_clip(clip, rig, settings=settings, ground=ground)
+    if QPOS in clip.extras:
+        cleaned = _on_joints(cleaned)
     measures = compare(clip, cleaned)
     if baking is not None:
         baked = bake(cleaned.clip, cleaned.held, cleaned.rig, baking)
         cleaned = replaced(cleaned, clip=baked)
     return _Done(before=clip, cleaned=cleaned, measures=measures)
+
+
+def _on_joints(cleaned: Cleaned) -> Cleaned:
+    """The result as the robot's joints can pose it, with what they do not reach in its notes."""
+    clip = posed(cleaned.clip)
+    notes = [*cleaned.report.get("notes", ()), *unreached(clip)]
+    joints = clip.extras[QPOS].posed.report
+    report = {**cleaned.report, "notes": notes, "joint values": joints}
+    return replaced(cleaned, clip=clip, report=report)
 
 
 def _write(path: Path, clips: list[Clip]) -> None:

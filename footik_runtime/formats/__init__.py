@@ -49,8 +49,8 @@ def load_clip(
     """Read a clip by its suffix.
 
     Args:
-        path: .bvh (with its curves, where NAME.curves.json lies beside it), .glb, .gltf; .npz of
-            ours, of AMASS or of joint values; .csv of joint values.
+        path: .bvh, .glb, .gltf; .npz of ours, of AMASS or of joint values; .csv of joint values.
+            BVH and joint values with their curves, where NAME.curves.json lies beside them.
         animation: name of the one to read from a .glb or .gltf; the first where None.
         model: MuJoCo model (XML) whose joint values an .npz or .csv holds.
         fps: frames a second of joint values and glTF, where the file does not tell.
@@ -60,12 +60,11 @@ def load_clip(
     """
     suffix = _suffix(path)
     if suffix == ".bvh":
-        clip = read_bvh(path)
-        return read_curves(sidecar(path), clip) if sidecar(path).is_file() else clip
+        return _with_sidecar(read_bvh(path), path)
     if suffix in _GLTF:
         return read_gltf(path, animation=animation, fps=fps)
     if model is not None:
-        return read_qpos(path, model, fps=fps)
+        return _with_sidecar(read_qpos(path, model, fps=fps), path)
     if suffix == ".npz":
         arrays = read_table(path).arrays
         if amass.is_amass(arrays):
@@ -76,23 +75,33 @@ def load_clip(
 
 
 def save_clip(clip: Clip, path: str | os.PathLike[str]) -> None:
-    """Write a clip by its suffix: .bvh with its curves beside it, .glb, .gltf, .npz or .csv.
+    """Write a clip by its suffix: .bvh, .glb, .gltf, .npz or .csv.
 
-    An .npz or .csv of joint values stays one. Raises FootIKError where it cannot be written.
+    An .npz or .csv of joint values stays one; the curves of these and of a .bvh go beside them.
+    Raises FootIKError where it cannot be written.
     """
     suffix = _suffix(path)
     if suffix == ".bvh":
         write_bvh(clip, path)
-        if clip.curves:
-            write_curves(sidecar(path), clip)
+        _write_sidecar(clip, path)
     elif suffix in _GLTF:
         write_gltf(clip, path)
     elif QPOS in clip.extras:
         write_qpos(clip, path)
+        _write_sidecar(clip, path)
     elif suffix == ".npz":
         write_npz(clip, path)
     else:
         raise FootIKError(f"{path}: only a clip that was read from joint values becomes a .csv.")
+
+
+def _with_sidecar(clip: Clip, path: str | os.PathLike[str]) -> Clip:
+    return read_curves(sidecar(path), clip) if sidecar(path).is_file() else clip
+
+
+def _write_sidecar(clip: Clip, path: str | os.PathLike[str]) -> None:
+    if clip.curves:
+        write_curves(sidecar(path), clip)
 
 
 def _suffix(path: str | os.PathLike[str]) -> str:

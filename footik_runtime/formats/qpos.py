@@ -46,6 +46,19 @@ _ROOT_TURN = {"list": 0, "tilt": 1, "rotation": 2}  # part of a root -> axis
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class Posed:
+    """Joint values that were solved for a clip, and the clip they make.
+
+    root_positions: (T, 3) m. rotations: (T, J, 4). qpos: (T, nq). report: of `qpos_write.qpos_of`.
+    """
+
+    root_positions: Array
+    rotations: Array
+    qpos: Array
+    report: dict[str, Any]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class QposSource:
     """Where a clip of joint values came from.
 
@@ -59,6 +72,7 @@ class QposSource:
         root: prefix of the root's six columns, or None; turn: its rotations, outermost first.
         clip: the clip as it was read.
         notes: what was guessed or left out, a line each.
+        posed: the joint values of a changed clip, where they were solved already.
     """
 
     table: Table
@@ -71,6 +85,7 @@ class QposSource:
     turn: tuple[str, ...] = ()
     clip: Clip | None = None
     notes: tuple[str, ...] = ()
+    posed: Posed | None = None
 
 
 def read_qpos(
@@ -170,6 +185,8 @@ def _quaternion_last(tree: Tree, qpos: Array) -> bool:
     if not tree.joints[0] or tree.joints[0][0].kind != FREE or tree.joints[0][0].column != 0:
         return False
     up = np.array([0.0, 0.0, 1.0])
+    if not (np.abs(qpos[:, 3:7]) <= LARGEST_VALUE).all():
+        return False  # refused later, with its place
     first = qa.unit(qpos[:, 3:7])
     last = np.roll(first, 1, axis=-1)
     standing = [qa.rotate(turns, up)[:, 2].mean() for turns in (first, last)]
@@ -261,9 +278,19 @@ def write_qpos(clip: Clip, path: str | os.PathLike[str]) -> dict[str, Any]:
         raise FootIKError(
             f"{clip.name}: only clips that were read from joint values are written as such."
         )
-    qpos, report = qpos_of(clip, source.clip, source.tree, source.qpos)
+    posed = source.posed
+    if posed is not None and _is(clip, posed):
+        qpos, report = posed.qpos, posed.report
+    else:
+        qpos, report = qpos_of(clip, source.clip, source.tree, source.qpos)
     write_table(path, with_arrays(source.table, _changed_arrays(source, qpos, clip.fps)))
     return report
+
+
+def _is(clip: Clip, posed: Posed) -> bool:
+    return np.array_equal(clip.root_positions, posed.root_positions) and np.array_equal(
+        clip.rotations, posed.rotations
+    )
 
 
 def _changed_arrays(source: QposSource, qpos: Array, fps: float) -> dict[str, NDArray[Any]]:

@@ -30,9 +30,9 @@ def qpos_of(clip: Clip, before: Clip, tree: Tree, qpos: Array) -> tuple[Array, d
         qpos: (T, nq); values of what did not change are taken from it to the last bit.
 
     Returns:
-        (T, nq), and {"legs": {name: {"largest_off": m, "largest_turned_off": rad}},
-        "unreached_frames": frames in which some foot is more than 1 mm off, "stiff": joints whose
-        change the model has no joint for}.
+        (T, nq), and {"legs": {name: {"hinges": number, "largest_off": m, "largest_turned_off": rad,
+        "unreached_frames": frames in which it is more than 1 mm off}}, "unreached_frames": those in
+        which some foot is, "stiff": joints whose change the model has no joint for}.
 
     Raises:
         FootIKError: a clip of other joints or frames.
@@ -129,8 +129,10 @@ def _set_legs(
         out[cells] = solved.angles
         off[frames] |= solved.off > _UNREACHED
         report["legs"][leg.name] = {
+            "hinges": len(joints),
             "largest_off": float(solved.off.max()),
             "largest_turned_off": float(solved.turned_off.max()),
+            "unreached_frames": int((solved.off > _UNREACHED).sum()),
         }
     report["unreached_frames"] = int(off.sum())
     return done

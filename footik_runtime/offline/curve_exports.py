@@ -1,7 +1,17 @@
 """Curve exports: what Unity and Unreal import. Nothing reads these back.
 
 Unity's keys carry slopes, so that few of them are exact; Unreal's tables hold values alone, and get
-a key a frame.
+a key a frame, to be imported with linear interpolation.
+
+Layouts. Unity: the manual's "Animation curves on imported clips" (docs.unity3d.com/Manual/
+AnimationCurvesOnImportedClips.html): time runs from 0 to 1 over the clip, and a curve drives the
+Animator parameter of its name; the scripting reference's ClipAnimationInfoCurve (name, curve) and
+Keyframe (inTangent, outTangent a second; infinite ones hold the value). In an .anim that parameter
+is an attribute of class 95, the Animator, at the empty path; written is the text layout of Unity
+2018 to 2021 (clip version 6), which later ones upgrade. Unreal: "Data driven gameplay elements"
+(dev.epicgames.com) for curve tables: x in the first row, after a cell that is not read, then a row
+a curve, its name first; interpolation is chosen once for the table on import. A single curve is
+imported from rows of time and value (CSVImportType.ECSV_CURVE_FLOAT).
 """
 
 from __future__ import annotations
@@ -33,12 +43,8 @@ and a file a curve. csv: a row a frame."""
 _PLAIN = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(?: [A-Za-z0-9_]+)*\Z")
 _WORDS = {"y", "n", "yes", "no", "on", "off", "true", "false", "null"}
 _THIRD = "0.33333334"
-
-
-def require_export(kind: str) -> None:
-    """Raise FootIKError, with the nearest name, for a kind that is not in `EXPORTS`."""
-    if kind not in EXPORTS:
-        raise unknown_name("export", kind, EXPORTS)
+# Of both sides of a key, as Unity's editor keeps them: free, linear and constant tangents.
+_TANGENT_MODES = {"smooth": 0, "linear": 69, "step": 103}
 
 
 def export_curves(
@@ -68,6 +74,12 @@ def export_curves(
     return written
 
 
+def require_export(kind: str) -> None:
+    """Raise FootIKError for a kind that is none of `EXPORTS`."""
+    if kind not in EXPORTS:
+        raise unknown_name("export", kind, EXPORTS)
+
+
 def _texts(clip: Clip, kind: str, tolerance: float) -> Iterator[tuple[str, str]]:
     if kind == "unity":
         yield ".anim", unity_clip(clip, tolerance)
@@ -87,10 +99,10 @@ def _texts(clip: Clip, kind: str, tolerance: float) -> Iterator[tuple[str, str]]
 def unity_clip(clip: Clip, tolerance: float = 0.005) -> str:
     """An AnimationClip (.anim) whose curves drive Animator parameters of their names."""
     floats = "".join(
-        "  - serializedVersion: 2\n    curve:\n"
+        "  - curve:\n"
         + _unity_curve(keys_of(clip, name, tolerance), 6)
         + f"    attribute: {_yaml(name)}\n    path: \n    classID: 95\n"
-        "    script: {fileID: 0}\n    flags: 0\n"
+        "    script: {fileID: 0}\n"
         for name in clip.curves
     )
     return (
@@ -153,7 +165,7 @@ def _unity_curve(keys: Keys, indent: int) -> str:
             f"  value: {value}",
             f"  inSlope: {before}",
             f"  outSlope: {after}",
-            "  tangentMode: 0",
+            f"  tangentMode: {_TANGENT_MODES[keys.interpolation]}",
             "  weightedMode: 0",
             f"  inWeight: {_THIRD}",
             f"  outWeight: {_THIRD}",
