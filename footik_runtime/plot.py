@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import importlib.util
 import io
+from collections.abc import Sequence
 from pathlib import Path
 
 from footik_runtime.errors import FootIKError
 from footik_runtime.files import write_whole
 from footik_runtime.motion import Motion
 from footik_runtime.phases import Phase
+from footik_runtime.score_suite import COLUMNS, MODES, OURS, SceneScore
 from footik_runtime.sole import POINTS
 from footik_runtime.walk import Recording
 
+_MODE_COLOURS = ("#c9d1d6", "#e0a458", "#1f6f8b")
 _COLOURS = ("#2a6f97", "#e07a5f", "#6a994e")
 
 
@@ -70,3 +73,30 @@ def plot_walk(path: Path, motion: Motion, without: Recording, recording: Recordi
     buffer = io.BytesIO()
     figure.savefig(buffer, format=_kind(path), dpi=110)
     write_whole(path, buffer.getvalue())
+
+
+def plot_suite(path: Path, scores: Sequence[SceneScore]) -> None:
+    """Draw the figures of a score suite: a row a measure, a group of bars a scene, its limit."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(4 + 0.45 * len(scores), 2.0 * len(COLUMNS)), layout="constrained")
+    axes = figure.subplots(len(COLUMNS), 1, sharex=True)
+    for axis, (key, label) in zip(axes, COLUMNS.items(), strict=True):
+        for i, (mode, colour) in enumerate(zip(MODES, _MODE_COLOURS, strict=True)):
+            places = [k + 0.27 * (i - 1) for k in range(len(scores))]
+            values = [one.figures[mode][key] for one in scores]
+            axis.bar(places, values, 0.27, color=colour, label=mode)
+        limits = [getattr(one.limits, key) for one in scores]
+        for k, limit in enumerate(limits):
+            if limit < float("inf"):
+                axis.plot([k - 0.45, k + 0.45], [limit, limit], color="#a8321c", linewidth=1.2)
+        finite = [limit for limit in limits if limit < float("inf")]
+        ours = max(one.figures[OURS][key] for one in scores)
+        axis.set_ylim(0.0, 1.15 * max([ours, *finite, 1e-9]))
+        axis.set_ylabel(label)
+    axes[0].legend(loc="upper right", ncols=len(MODES))
+    axes[-1].set_xticks(range(len(scores)), [one.name for one in scores], rotation=60, ha="right")
+    figure.suptitle("without foot IK, OpenKCC's settings, ours; red: the limit")
+    out = io.BytesIO()
+    figure.savefig(out, format=_kind(path), dpi=110)
+    write_whole(path, out.getvalue())

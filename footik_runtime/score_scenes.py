@@ -68,6 +68,11 @@ class ScoreScene:
     limits: Limits = WALKING
     seconds: float = 8.0
 
+    @property
+    def takes_clips(self) -> bool:
+        """Whether a user's clip may take the place of the built-in walk."""
+        return self.gait == "walk" and self.drive is None
+
     def motion(self) -> Motion:
         """The built-in motion."""
         return builtin_motion(self.gait)

@@ -112,7 +112,11 @@ class SideSlope(Piece):
             spec.worldbody,
             "side_slope",
             centre=site.point_w(0.5 * self.length, half * math.sin(angle), -half * math.cos(angle)),
-            half_sizes=[0.5 * self.length, min(site.half_width, _SIDE_SLOPE) / math.cos(angle), half],
+            half_sizes=[
+                0.5 * self.length,
+                min(site.half_width, _SIDE_SLOPE) / math.cos(angle),
+                half,
+            ],
             quat=[math.cos(0.5 * angle), math.sin(0.5 * angle), 0.0, 0.0],
             material=GROUND_DARK,
         )
