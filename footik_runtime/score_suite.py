@@ -86,9 +86,9 @@ class SceneScore:
     def uneven(self, most: float = 0.1) -> list[str]:
         """The keys that differ by more than this share between frame rates."""
         out = []
-        for key in COLUMNS:
+        for key in COLUMNS if self.by_rate else ():
             values = [figures[key] for figures in self.by_rate.values()]
-            spread = max(values) - min(values) if values else 0.0
+            spread = max(values) - min(values)
             if spread > max(most * float(np.mean(values)), _NEAR_ZERO[key]):
                 out.append(key)
         return out
