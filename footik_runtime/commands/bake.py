@@ -9,11 +9,12 @@ import tyro
 
 from footik_runtime.clip import Clip
 from footik_runtime.commands.files import Job, fail_if_any, jobs, load, work_through, write_json
+from footik_runtime.errors import FootIKError, listed
 from footik_runtime.files import require_writable
 from footik_runtime.formats import save_clip
 from footik_runtime.formats.qpos import rig_of
-from footik_runtime.offline.bake import BAKE_NOTES
 from footik_runtime.offline.bake import bake as bake_clip
+from footik_runtime.offline.bake import curve_names
 from footik_runtime.offline.clean import clean
 from footik_runtime.offline.curve_exports import export_curves, require_export
 from footik_runtime.offline.stages import BakeSettings, CleanSettings
@@ -42,7 +43,7 @@ def bake(
         preset: default, or openkcc: OpenKCC's own baking.
         ease_in: s over which a weight rises, about the strike.
         ease_out: s over which it falls, about the release.
-        replace: replace curves of these names that the clip has.
+        replace: replace curves of these names that the clip has; without, that is an error.
         redetect: find contacts anew, whatever the clip's curves say.
         animation: name of the one of a .glb or .gltf; the first otherwise.
         model: the MuJoCo model that joint values belong to.
@@ -72,10 +73,7 @@ def bake(
         counts = {name: len(keys[name].times) for name in keys}
         told = ", ".join(f"{name} {count} keys" for name, count in counts.items())
         print(f"{job.source} -> {job.target}: {told or 'no curves'}")
-        notes = list(baked.extras.get(BAKE_NOTES, ()))
-        for note in notes:
-            print(f"  note: {note}")
-        return {"clip": clip.name, "keys": counts, "notes": notes}
+        return {"clip": clip.name, "keys": counts}
 
     entries = work_through("baking", todo, one)
     if json_file is not None:
@@ -85,6 +83,11 @@ def bake(
 
 def _bake_one(clip: Clip, settings: BakeSettings, redetect: bool) -> Clip:
     rig = rig_of(clip) or find_rig(clip.skeleton)
+    there = [name for name in curve_names(rig, settings) if name in clip.curves]
+    if there and not settings.replace:  # else old curves would stand beside new ones
+        raise FootIKError(
+            f"{clip.name}: has the curves {listed(there)} already; --replace bakes new ones."
+        )
     if settings.preset == "openkcc":
         return bake_clip(clip, None, rig, settings)
     how = CleanSettings(redetect=redetect)

@@ -65,7 +65,7 @@ def clean(
         redetect: find contacts anew, whatever the clip's curves say.
         ease: s over which an adjustment fades into a swing.
         curves: bake the contact curves.
-        replace: replace curves of these names that the clip has.
+        replace: replace curves of these names that the clip has; without, those stay.
         animation: of a .glb or .gltf: its name, or all; the first otherwise.
         model: the MuJoCo model that joint values belong to.
         fps: frames a second, where a file does not tell.
@@ -183,5 +183,6 @@ def _told(job: Job, cleaned: Cleaned, table: dict[str, dict[str, float]], *, sho
         f"{job.source} -> {job.target}: {cleaned.clip.name}, {len(cleaned.clip)} frames, "
         f"{len(cleaned.plants)} plants, pinned point {before[key]:.1f} -> {after[key]:.2f} mm/s"
     )
-    notes = "".join(f"\n  note: {note}" for note in cleaned.report.get("notes", ()))
+    told = [*cleaned.report.get("notes", ()), *cleaned.clip.extras.get(BAKE_NOTES, ())]
+    notes = "".join(f"\n  note: {note}" for note in told)
     return line + notes if short else f"{line}{notes}\n{format_table(table)}"
