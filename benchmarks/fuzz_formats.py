@@ -4,8 +4,8 @@
 
 Whole files (of every kind, made here, and those of --folder) are mutated and read. A reader fails
 a case where it raises anything but FootIKError, takes over a second of processor time, or more
-memory than ten times the file and 16 MB. What was read is written back and read again, under the
-same rules. The same seed makes the same files; failures are put into --keep.
+memory than ten times the file and 16 MB. What was read is written back, as it is and moved, and
+read again, under the same rules. The same seed makes the same files; failures are put into --keep.
 """
 
 from __future__ import annotations
@@ -179,8 +179,9 @@ def _way(path: Path, reader: Reader, writer: Writer | None) -> None:
     clip = reader(path)
     if writer is not None:
         again = path.with_name("again" + path.suffix)
-        writer(clip, again)
-        reader(again)
+        for places in (clip.root_positions, clip.root_positions + 0.01):
+            writer(replace(clip, root_positions=places), again)
+            reader(again)
 
 
 def _measured(run: Callable[[], None]) -> tuple[str, float, int, str]:

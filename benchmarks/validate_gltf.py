@@ -32,6 +32,7 @@ from footik_runtime.formats import save_clip
 from footik_runtime.offline.skate import inject, true_walk
 
 PACKAGE = "gltf-validator@2.0.0-dev.3.10"
+LONGEST_FETCH = 120  # s
 
 VALIDATE = """
 const validator = require('gltf-validator'), fs = require('fs'), path = require('path');
@@ -55,7 +56,12 @@ def validator(into: Path) -> tuple[Path | None, str]:
     if shutil.which("npm") is None:
         return None, "npm is not installed and FOOTIK_GLTF_VALIDATOR names no validator"
     command = ["npm", "install", "--silent", "--no-audit", "--no-fund", "--prefix", str(into)]
-    done = subprocess.run([*command, PACKAGE], capture_output=True, text=True)
+    try:
+        done = subprocess.run(
+            [*command, PACKAGE], capture_output=True, text=True, timeout=LONGEST_FETCH
+        )
+    except subprocess.TimeoutExpired:
+        return None, f"npm did not install {PACKAGE} within {LONGEST_FETCH} s"
     if done.returncode:
         return None, f"npm could not install {PACKAGE}: {done.stderr.strip()[-200:]}"
     return into, ""

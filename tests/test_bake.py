@@ -15,6 +15,7 @@ from footik_runtime.offline.bake import (
     BakeSettings,
     bake,
     bake_openkcc,
+    curve_names,
     curves,
     weight_keys,
 )
@@ -96,6 +97,48 @@ def test_there_are_at_most_four_keys_a_contact_and_two(mask):
     assert len(weight_keys(looped, FPS, BakeSettings(), loop=True)) <= 4 * contacts + 2
 
 
+@given(masks, st.sampled_from([0.04, 0.1, 0.5]), st.sampled_from([0.1, 0.3]), st.booleans())
+def test_a_weight_is_a_smoothstep_in_its_ramps_and_exactly_0_or_1_outside(
+    mask, ease_in, ease_out, loop
+):
+    if loop:
+        mask = np.concatenate([mask, mask[:1]])
+    settings = BakeSettings(ease_in=ease_in, ease_out=ease_out)
+    keys = weight_keys(mask, FPS, settings, loop=loop)
+    times = np.linspace(0.0, (len(mask) - 1) / FPS, 40 * len(mask))
+    values = sample(keys, times)
+    changes = np.flatnonzero(mask[1:] != mask[:-1]) + 1
+    events = (changes - 0.5) / FPS
+    if loop and len(changes):  # the neighbouring cycles' too
+        cycle = (len(mask) - 1) / FPS
+        events, changes = (
+            np.concatenate([events - cycle, events, events + cycle]),
+            np.concatenate([changes, changes, changes]),
+        )
+    expected = np.where(mask[0], 1.0, 0.0) * np.ones(len(times))
+    if len(events):
+        k = np.clip(np.searchsorted(events, times) - 1, 0, len(events) - 1)
+        after = mask[changes[k]]
+        expected = np.where(times < events[0], ~after, after).astype(float)
+    near = np.full(len(times), np.inf)
+    half = 0.5 * max(ease_in, ease_out, 1.0 / FPS)
+    for event in events:
+        near = np.minimum(near, np.abs(times - event))
+    outside = near > half + 1e-9
+    np.testing.assert_array_equal(values[outside], expected[outside])
+    assert np.all((values >= 0.0) & (values <= 1.0))
+    for change, event in zip(changes, events, strict=True):
+        rises = bool(mask[change])
+        ramp = 0.5 * (ease_in if rises else ease_out)
+        apart = np.abs(np.delete(events, np.flatnonzero(events == event)) - event).min(initial=9.0)
+        if apart < 2.0 * half or ramp < 0.5 / FPS:
+            continue  # shortened
+        own = (np.abs(times - event) < ramp) & (min(event, times[-1] - event) > ramp)
+        u = (times[own] - event + ramp) / (2.0 * ramp)
+        shape = u * u * (3.0 - 2.0 * u)
+        np.testing.assert_allclose(values[own], shape if rises else 1.0 - shape, atol=1e-9)
+
+
 def test_ramps_are_as_long_as_asked_and_cross_the_half_at_the_event():
     mask = np.arange(120) >= 60
     keys = weight_keys(mask, FPS, BakeSettings(ease_in=0.3))
@@ -150,6 +193,23 @@ def test_thinned_keys_stay_within_the_tolerance(values, tolerance):
     assert np.abs(at_frames(keys, len(values)) - values).max() <= tolerance + 1e-9
 
 
+@given(st.lists(st.floats(-1, 1), min_size=2, max_size=60), st.sampled_from([0.001, 0.01, 0.3]))
+def test_thinned_keys_stay_within_the_tolerance_between_the_frames_too(values, tolerance):
+    values = np.array(values) + 0.5  # no whole numbers: those become steps
+    keys = thinned(values, FPS, tolerance)
+    times = np.linspace(0.0, (len(values) - 1) / FPS, 7 * len(values))
+    lines = np.interp(times, np.arange(len(values)) / FPS, values)
+    if keys.interpolation == "linear":
+        assert np.abs(sample(keys, times) - lines).max() <= tolerance + 1e-9
+
+
+def test_thinning_a_smooth_curve_leaves_few_keys():
+    weight = at_frames(weight_keys(np.arange(600) % 60 < 30, FPS, BakeSettings()), 600)
+    keys = thinned(weight, FPS, 0.005)
+    assert len(keys) <= 8 * 20  # a ramp of a smoothstep in lines, 20 ramps
+    assert len(thinned(weight, FPS, 0.05)) < 0.6 * len(keys)
+
+
 def test_thinning_leaves_a_line_two_keys_and_a_phase_its_changes():
     assert len(thinned(np.linspace(0.0, 0.7, 100), FPS, 0.001)) == 2
     stepped = thinned(np.repeat([0.0, 1.0, 2.0, 3.0], 10), FPS, 0.001)
@@ -170,8 +230,19 @@ def test_a_baked_clip_has_the_curves_of_every_leg(rig):
             assert np.array_equal(clip.curves[curve(leg.name)] >= 0.5, mask)
         assert np.array_equal(clip.curves[phase_curve(leg.name)], phases[:, i])
     assert set(clip.curves) == set(clip.extras[CURVE_KEYS])
+    assert set(clip.curves) == set(curve_names(rig, BakeSettings()))
     assert clip.curves["LeftHeelIKWeight"].max() == clip.curves["LeftToeIKWeight"].max() == 1.0
     assert {Phase.HEEL, Phase.FLAT, Phase.BALL, Phase.SWING} == set(phases[:, 0])
+
+
+def test_the_built_in_walk_takes_at_most_four_keys_a_contact():
+    motion = builtin_motion("walk")
+    clip, _ = with_contacts(motion.clip, motion.rig)
+    down = np.stack([clip.curves[phase_curve(leg.name)] for leg in motion.rig.legs], axis=-1) > 0.0
+    keys = curves(contacts_of(np.stack([down, down], axis=-1)), motion.rig, loop=clip.loop)
+    for i, leg in enumerate(motion.rig.legs):
+        contacts = np.count_nonzero(np.diff(down[:, i].astype(int), prepend=0) == 1)
+        assert len(keys[weight_curve(leg.name)]) <= 4 * contacts + 2
 
 
 def test_what_the_runtime_reads_back_is_what_was_baked(rig):
@@ -256,6 +327,7 @@ def test_the_preset_openkcc_makes_its_two_curves_alone(rig):
     settings = BakeSettings(preset="openkcc", grounded_height=float(ankle[0]) + 0.01)
     baked = bake(clip, None, rig, settings)
     assert set(baked.curves) == {weight_curve(leg.name) for leg in rig.legs}
+    assert set(baked.curves) == set(curve_names(rig, settings))
     keys = baked.extras[CURVE_KEYS]["LeftFootIKWeight"]
     plain = bake_openkcc(
         (clip.times, ankle), length_s=clip.duration, foot_grounded_height=float(ankle[0]) + 0.01

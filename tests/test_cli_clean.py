@@ -152,6 +152,30 @@ def test_curves_are_baked_into_the_motion_as_it_is(monkeypatch, capsys, folder, 
     assert (tmp_path / "b.anim").read_text().startswith("%YAML")
 
 
+def test_curves_that_are_there_are_replaced_only_when_asked(monkeypatch, capsys, folder, tmp_path):
+    skates = load_clip(folder / "one.bvh")
+    drawn = np.linspace(0.0, 1.0, len(skates))
+    save_clip(skates.with_curves(**{weight_curve("left"): drawn, "smile": drawn}), folder / "c.bvh")
+    todo = (folder / "c.bvh", "-o", tmp_path / "out.bvh")
+    code, _, err = run(monkeypatch, capsys, "bake", *todo)
+    assert code == 1
+    assert "has the curves LeftFootIKWeight already; --replace" in err
+    assert not (tmp_path / "out.bvh").exists()
+    code, out, err = run(monkeypatch, capsys, "clean", *todo, "--redetect")
+    assert (code, err) == (0, "")
+    assert "note: curve 'LeftFootIKWeight' was there already and stays" in out
+    np.testing.assert_array_equal(
+        load_clip(tmp_path / "out.bvh").curves[weight_curve("left")], drawn
+    )
+    for command in ("bake", "clean"):
+        code, out, _ = run(monkeypatch, capsys, command, *todo, "--redetect", "--replace")
+        assert code == 0
+        assert "stays" not in out
+        curves = load_clip(tmp_path / "out.bvh").curves
+        assert not np.array_equal(curves[weight_curve("left")], drawn)
+        np.testing.assert_array_equal(curves["smile"], drawn)
+
+
 def test_baked_curves_are_what_a_walk_uses(monkeypatch, capsys, folder, tmp_path):
     run(monkeypatch, capsys, "bake", folder / "one.bvh", "-o", tmp_path / "b.bvh", "--redetect")
     code, out, _ = run(monkeypatch, capsys, "inspect", tmp_path / "b.bvh")

@@ -416,3 +416,10 @@ def test_what_cannot_be_exported_is_refused(tmp_path):
         export_curves(tmp_path / "x.bvh", bare(baked()), "unity")
     with pytest.raises(FootIKError, match="Did you mean 'unreal'"):
         export_curves(tmp_path / "x.bvh", baked(), "unrael")
+
+
+@pytest.mark.filterwarnings("error")
+def test_times_that_hardly_grow_are_refused_without_an_overflow(tmp_path):
+    (tmp_path / "x.csv").write_text("time,weight\n0,0\n1e-310,1\n2e-310,0\n")
+    with pytest.raises(FootIKError, match="the table has 3 rows"):
+        read_curves(tmp_path / "x.csv", clip_with({}, 3, fps=2.0))

@@ -17,10 +17,11 @@ from footik_runtime.commands.files import (
     work_through,
     write_json,
 )
+from footik_runtime.errors import FootIKError, listed
 from footik_runtime.files import require_writable
 from footik_runtime.formats import save_clip
-from footik_runtime.offline.bake import BAKE_NOTES
 from footik_runtime.offline.bake import bake as bake_clip
+from footik_runtime.offline.bake import curve_names
 from footik_runtime.offline.clean import clean
 from footik_runtime.offline.curve_exports import export_curves, require_export
 from footik_runtime.offline.stages import BakeSettings, CleanSettings
@@ -47,7 +48,7 @@ def bake(
         preset: default, or openkcc: OpenKCC's own baking.
         ease_in: s over which a weight rises, about the strike.
         ease_out: s over which it falls, about the release.
-        replace: replace curves of these names that the clip has.
+        replace: replace curves of these names that the clip has; without, that is an error.
         redetect: find contacts anew, whatever the clip's curves say.
         export: curves for an engine beside the result: unity, unity-meta, unreal or csv.
         json_file: write the keys to this file, for machines.
@@ -75,10 +76,7 @@ def bake(
         counts = {name: len(keys[name].times) for name in keys}
         told = ", ".join(f"{name} {count} keys" for name, count in counts.items())
         print(f"{job.source} -> {job.target}: {told or 'no curves'}")
-        notes = list(baked.extras.get(BAKE_NOTES, ()))
-        for note in notes:
-            print(f"  note: {note}")
-        return {"clip": clip.name, "keys": counts, "notes": notes}
+        return {"clip": clip.name, "keys": counts}
 
     entries = work_through("baking", todo, one)
     if json_file is not None:
@@ -87,6 +85,11 @@ def bake(
 
 
 def _bake_one(clip: Clip, rig: Rig, settings: BakeSettings, redetect: bool) -> Clip:
+    there = [name for name in curve_names(rig, settings) if name in clip.curves]
+    if there and not settings.replace:  # else old curves would stand beside new ones
+        raise FootIKError(
+            f"{clip.name}: has the curves {listed(there)} already; --replace bakes new ones."
+        )
     if settings.preset == "openkcc":
         return bake_clip(clip, None, rig, settings)
     how = CleanSettings(redetect=redetect)

@@ -70,7 +70,7 @@ def clean(
         redetect: find contacts anew, whatever the clip's curves say.
         ease: s over which an adjustment fades into a swing.
         curves: bake the contact curves.
-        replace: replace curves of these names that the clip has.
+        replace: replace curves of these names that the clip has; without, those stay.
         export: curves for an engine beside the result: unity, unity-meta, unreal or csv.
         report: write a page with measures, contacts, plots and a figure to scrub; of several
             clips a table of all, whose pages go beside it.

@@ -18,7 +18,7 @@ from footik_runtime.offline.stages import BakeSettings, Bools, Contacts
 from footik_runtime.phases import heel_curve, phase_curve, toe_curve, weight_curve
 from footik_runtime.rig import Rig
 
-__all__ = ["BakeSettings", "Keys", "bake", "bake_openkcc", "curves", "sample"]
+__all__ = ["BakeSettings", "Keys", "bake", "bake_openkcc", "curve_names", "curves", "sample"]
 
 Array = NDArray[np.float64]
 HeightTrack = Callable[[Array], Array] | tuple[Array, Array]
@@ -69,6 +69,14 @@ def _require_match(clip: Clip, contacts: Contacts, rig: Rig) -> None:
             f"{clip.name}: contacts {contacts.down.shape} at {contacts.fps:g} fps are not of this "
             f"clip and rig, {wanted} at {clip.fps:g} fps."
         )
+
+
+def curve_names(rig: Rig, settings: BakeSettings) -> list[str]:
+    """The names of the curves that baking makes for a rig."""
+    kinds = (weight_curve, heel_curve, toe_curve, phase_curve)
+    if settings.preset == "openkcc":
+        kinds = (weight_curve,)
+    return [kind(leg.name) for leg in rig.legs for kind in kinds]
 
 
 def curves(
