@@ -200,7 +200,7 @@ def _ways() -> list[ScoreScene]:
 
 def _moving() -> list[ScoreScene]:
     seesaw = Platform(
-        length=20.0, size=(19.0, 4.0), travel=(0.0, 0.0), lift=0.0, turn_deg=0.0, tilt_deg=4.0
+        length=5.0, size=(4.0, 4.0), travel=(0.0, 0.0), lift=0.0, turn_deg=0.0, tilt_deg=4.0
     )
     return [
         ScoreScene(
@@ -216,7 +216,7 @@ def _moving() -> list[ScoreScene]:
         ScoreScene(
             name="seesaw",
             complaint="feet through what tilts",
-            terrain=_laid(seesaw),
+            terrain=_laid(*[seesaw] * 4),
         ),
     ]
 
