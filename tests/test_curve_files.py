@@ -205,6 +205,7 @@ TABLE = "time,weight\n0,0\n0.5,1\n1,0\n"
         (TABLE.replace("weight", "a,b"), "row 2 has 2 cells"),
         (TABLE + "1.5,0\n", "the table has 4 rows at 2 a second, but walk has 3 frames at 2"),
         (TABLE.replace("1,0\n", "2,0\n"), "has 3 rows at 1 a second"),
+        (TABLE.replace("0.5,1\n1,0", "1e-320,1\n2e-320,0"), "has 3 rows at inf a second"),
         ("time,a,a\n0,0,0\n0.5,1,0\n1,0,0\n", "column 'a' is there twice"),
         ('time,"a\n0,0', "not a CSV table"),
         ("time," + "x" * 300 + "\n0,0", "1 to 256 printable"),

@@ -1,6 +1,7 @@
 """Joint values in other layouts, and files that are none."""
 
 import io
+import warnings
 import zipfile
 from dataclasses import replace
 
@@ -101,6 +102,30 @@ def test_tables_are_read_with_the_quaternion_in_either_order(tmp_path, header, l
     back = read_qpos(tmp_path / "z.csv", model, fps=clip.fps)
     np.testing.assert_array_equal(back.root_positions, roots)
     assert np.array_equal(back.extras["qpos"].qpos[:, 3:], clip.extras["qpos"].qpos[:, 3:])
+
+
+@pytest.mark.parametrize("kind", ["U3", "c16"])
+def test_velocities_of_columns_that_are_no_real_numbers_tell_no_rate(kind, tmp_path):
+    model = robot()
+    arrays = {n: a.astype(kind) if n[0] == "d" else a for n, a in columns_of(model).items()}
+    path = save(tmp_path / "x.npz", **arrays)
+    with pytest.raises(FootIKError, match="does not tell its frame rate"):
+        read_qpos(path, model)
+    clip = read_qpos(path, model, fps=100.0)
+    write_qpos(replace(clip, root_positions=clip.root_positions + 0.1), tmp_path / "y.npz")
+    with np.load(tmp_path / "y.npz") as back:
+        np.testing.assert_array_equal(back["dq_pelvis_tx"], arrays["dq_pelvis_tx"])
+
+
+def test_velocities_that_are_no_real_numbers_are_left_alone(tmp_path):
+    model = robot()
+    speeds = np.full((50, model.nv), 1.0 + 2.0j)
+    clip = read_qpos(save(tmp_path / "x.npz", qpos=trajectory(model), qvel=speeds, fps=30.0), model)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        write_qpos(replace(clip, root_positions=clip.root_positions + 0.1), tmp_path / "y.npz")
+    with np.load(tmp_path / "y.npz") as back:
+        np.testing.assert_array_equal(back["qvel"], speeds)
 
 
 # --- bad input ----------------------------------------------------------------------------------

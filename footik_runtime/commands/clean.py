@@ -16,6 +16,7 @@ from footik_runtime.commands.files import (
     Job,
     Reading,
     ReadingOptions,
+    announce,
     fail_if_any,
     jobs,
     work_through,
@@ -102,6 +103,8 @@ def clean(
             _clean_one(clip, reading.rig(clip), settings, baking, ground)
             for clip in reading.clips(job.source)
         ]
+        for done in found:
+            announce("writing", done.cleaned.clip)
         _write(job.target, [done.cleaned.clip for done in found])
         if export is not None:
             _export(job.target, found, export)
@@ -142,9 +145,11 @@ def _clean_one(
     baking: BakeSettings | None,
     ground: Ground | None,
 ) -> _Done:
+    announce("cleaning", clip)
     cleaned = clean_clip(clip, rig, settings=settings, ground=ground)
     if QPOS in clip.extras:
         cleaned = _on_joints(cleaned)
+    announce("measuring", clip)
     measures = compare(clip, cleaned)
     if baking is not None:
         baked = bake(cleaned.clip, cleaned.held, cleaned.rig, baking)

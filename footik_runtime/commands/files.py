@@ -21,7 +21,7 @@ from footik_runtime.progress import Progress
 from footik_runtime.rig import Rig, find_rig
 
 ALL = "all"
-_LARGE = 30.0  # MB
+_LARGE, _LONG = 30.0, 20_000  # MB, frames
 _FRAME_RATES = (1.0, 10000.0)
 
 
@@ -74,6 +74,12 @@ def _announce(path: Path) -> None:
     megabytes = path.stat().st_size / 1e6 if path.is_file() else 0.0
     if megabytes > _LARGE:
         print(f"footik: reading {path} ({megabytes:.0f} MB)", file=sys.stderr, flush=True)
+
+
+def announce(what: str, clip: Clip) -> None:
+    """Say what is done with a clip, where that takes a while."""
+    if len(clip) > _LONG:
+        print(f"footik: {what} {clip.name} ({len(clip)} frames)", file=sys.stderr, flush=True)
 
 
 def _leg(text: str) -> tuple[str, list[str]]:

@@ -300,7 +300,7 @@ def _changed_arrays(source: QposSource, qpos: Array, fps: float) -> dict[str, ND
         changed, speeds = {source.rows: qpos}, arrays.get("qvel")
         if (
             speeds is not None
-            and speeds.ndim == 2
+            and speeds.dtype.kind in "fiu"
             and speeds.shape == (len(qpos), source.tree.speeds)
         ):
             changed["qvel"] = qvel_of(source.tree, speeds, qpos - source.qpos, fps)
@@ -320,7 +320,9 @@ def _changed_arrays(source: QposSource, qpos: Array, fps: float) -> dict[str, ND
             continue
         changed[name] = value
         velocity = arrays.get(f"d{name}")
-        if velocity is not None and velocity.shape == value.shape and len(value) > 1:
+        if velocity is None or velocity.dtype.kind not in "fiu":
+            continue
+        if velocity.shape == value.shape and len(value) > 1:
             changed[f"d{name}"] = velocity + np.gradient(change) * fps
     return changed
 

@@ -52,7 +52,9 @@ def _rate_of_velocities(table: Table, columns: Iterable[str]) -> float | None:
     steps, speeds = [], []
     for name in columns:
         velocity = table.arrays.get(f"d{name}")
-        if velocity is not None and velocity.shape == table.arrays[name].shape:
+        if velocity is None or velocity.dtype.kind not in "fiu":
+            continue
+        if velocity.shape == table.arrays[name].shape:
             steps.append(np.diff(table.arrays[name]))
             speeds.append(0.5 * (velocity[1:] + velocity[:-1]))
     if not steps:

@@ -25,7 +25,6 @@ from footik_runtime.files import write_whole
 Array = NDArray[np.float64]
 
 LARGEST_FILE = 1 << 30  # bytes
-_KINDS = "biufSU"  # of NumPy's types: truths, whole and real numbers, text
 _MOST_TIMES_LARGER = 10  # than its archive may the content be, and a little for small ones
 _SMALL = 1 << 24  # bytes
 _TIMES = ("time", "t", "timestamp")
@@ -104,8 +103,6 @@ def _read_array(content: bytes, where: str) -> NDArray[Any]:
     shape, fortran, dtype = read(stream)
     if dtype.hasobject:
         raise FootIKError(f"{where}: holds Python objects, which are not read.")
-    if dtype.kind not in _KINDS:
-        raise FootIKError(f"{where}: holds {dtype}, neither real numbers nor text.")
     count = math.prod(shape)  # Python's, which cannot overflow
     if count * dtype.itemsize != len(content) - stream.tell() or min(shape, default=0) < 0:
         raise FootIKError(f"{where}: says it is {shape} of {dtype}, which is not what it holds.")

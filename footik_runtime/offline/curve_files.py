@@ -216,9 +216,9 @@ def _from_csv_text(text: str, clip: Clip, where: str) -> Clip:
         twice = next(name for name in names if names.count(name) > 1)
         raise FootIKError(f"{where}: column {twice!r} is there twice.")
     table = _table(rows, where)
-    span = table[-1, 0] - table[0, 0] if len(table) else 0.0
-    # A span so short that it is none makes no rate that a number holds.
-    fps = (len(table) - 1) / span if span > 1e-9 else clip.fps
+    # Python's numbers: a span too short to divide by is infinitely many rows a second.
+    span = float(table[-1, 0]) - float(table[0, 0]) if len(table) else 0.0
+    fps = (len(table) - 1) / span if span > 0.0 else clip.fps
     if len(table) != len(clip) or abs(span - clip.duration) > 1e-4 * max(clip.duration, 1.0):
         _refuse_frames(clip, len(table), fps, where)
     return clip.with_curves(**dict(zip(names, table[:, 1:].T.copy(), strict=True)))
