@@ -218,3 +218,17 @@ def test_mutilated_files_raise_nothing_but_our_error(tmp_path_factory, data):
         read_qpos(path, model)
     except FootIKError:
         return
+
+
+@pytest.mark.filterwarnings("error")
+def test_whole_numbers_become_real_ones_where_a_clip_is_written(tmp_path):
+    model = robot()
+    qpos = trajectory(model, 20)
+    velocities = np.zeros((20, model.nv), dtype=np.int8)
+    clip = read_qpos(save(tmp_path / "x.npz", qpos=qpos, qvel=velocities, fps=30.0), model)
+    moved = replace(clip, root_positions=clip.root_positions + np.linspace(0, 900, 20)[:, None])
+    write_qpos(moved, tmp_path / "y.npz")
+    with np.load(tmp_path / "y.npz") as held:
+        assert held["qvel"].dtype == np.float64
+        assert np.abs(held["qvel"]).max() > 1000.0
+        assert held["qpos"].dtype == np.float64

@@ -158,9 +158,13 @@ def time_column(table: Table) -> str | None:
 
 
 def with_arrays(table: Table, arrays: dict[str, NDArray[Any]]) -> Table:
-    """The table with some arrays replaced, in the type of number they had."""
-    kept = {n: np.asarray(a).astype(table.arrays[n].dtype) for n, a in arrays.items()}
+    """The table with some arrays replaced: of the precision they had, whole numbers made real."""
+    kept = {n: np.asarray(a).astype(_real(table.arrays[n].dtype)) for n, a in arrays.items()}
     return replace(table, arrays=table.arrays | kept)
+
+
+def _real(dtype: np.dtype) -> np.dtype:
+    return dtype if dtype.kind == "f" else np.dtype(np.float64)
 
 
 def write_table(path: str | os.PathLike[str], table: Table) -> None:
