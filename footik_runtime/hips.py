@@ -2,50 +2,89 @@
 
 from __future__ import annotations
 
+import math
+
 from footik_runtime.compiled import compiled
-from footik_runtime.feet.footprint import planted, to_world
-from footik_runtime.feet.record import GROUNDED, PLANNED
+from footik_runtime.feet.footprint import planted, print_of, to_world
+from footik_runtime.feet.record import GROUNDED, ON_HEEL, PLANNED, TOES_DOWN
 from footik_runtime.inertia import smooth_step, spring
 from footik_runtime.leg_ik import shortfall
-from footik_runtime.legs import usable
+from footik_runtime.legs import lifted, usable
+from footik_runtime.locomotion import ahead_of
 from footik_runtime.math3d import clamp, get3, get4, norm, sub
 
+_DEEP = 0.7  # part of the hips' largest drop from which a foot lands on its ball instead
 _EARLY = 1.5  # the spring lags: the whole drop is asked for after 2/3 of the look-ahead
 
 
 @compiled
-def wanted_drop(foot, told, leg, hip, next_hip, extension, settings, bodies_at, bodies_turn):
+def wanted_drop(body, foot, told, leg, hip, timing, settings, bodies_at, bodies_turn):
     """How far the hips must drop for one foot, m, times how much that foot counts.
 
-    `hip` (3,) is the leg's animated hip joint now, `next_hip` at the next plant, when the
-    animated leg has that `extension`. A foot that
-    swings counts more and more as its plant comes near, and one that will leave soon less and less:
-    its heel lifts instead. One that found no ground never counts.
+    `hip` (3,) is the leg's animated hip joint now; `timing` of the motion says where it is at the
+    next plant, and how far the animated leg is extended then. A foot on the ground counts as it
+    is, and as its leg will be stretched when the contact ends; one that swings counts more and more
+    as its plant comes near. One that found no ground never counts.
     """
-    reach = usable(leg, norm(sub(get3(told["ankle"]), hip)), settings)
+    drop = 0.0
     if foot["state"] == GROUNDED:
-        share = 1.0 if foot["bump"] else foot["weight"]
-        if told["ahead"]:
-            share *= smooth_step(told["to_release"] / settings["hip_let_go"])
-        drop = share * shortfall(hip, get3(foot["goal"]), reach)
-    else:
-        drop = 0.0
+        drop = held_drop(body, foot, told, leg, hip, timing, settings, bodies_at, bodies_turn)
     ahead = settings["hip_look_ahead"]
     if told["ahead"] and foot["plan"] == PLANNED and 0.0 < told["to_plant"] < ahead:
         land, turn = to_world(
             foot["land_body"], get3(foot["land"]), get4(foot["land_turn"]), bodies_at, bodies_turn
         )
-        ankle, _ = planted(land, turn, told["pitch"], leg)
         share = smooth_step(_EARLY * (1.0 - told["to_plant"] / ahead))
-        drop = max(drop, share * shortfall(next_hip, ankle, usable(leg, extension, settings)))
+        next_hip = ahead_of(body, get3(timing["hip"]), told["to_plant"])
+        reach = usable(leg, timing["extension"], settings)
+        ankle, _ = planted(land, turn, told["pitch"], leg)
+        needed = shortfall(next_hip, ankle, reach)
+        if foot["state"] != GROUNDED and needed > _DEEP * settings["max_stride_drop"]:
+            foot["landing"] = TOES_DOWN
+        if foot["landing"] != ON_HEEL:
+            ankle, turn = planted(land, turn, 0.0, leg)
+            first = settings["heel_first"]
+            ankle, _, _ = lifted(leg, next_hip, ankle, turn, reach, first, settings)
+            needed = shortfall(next_hip, ankle, reach)
+        drop = max(drop, min(share * needed, settings["max_stride_drop"]))
     return drop
 
 
 @compiled
+def held_drop(body, foot, told, leg, hip, timing, settings, bodies_at, bodies_turn):
+    """How far the hips must drop for a foot on the ground, now and by the end of its contact.
+
+    Of a foot that will leave the heel lifts before the hips must sink; one that stays stands flat.
+    """
+    reach = usable(leg, norm(sub(get3(told["ankle"]), hip)), settings)
+    goal, turn, first = get3(foot["goal"]), get4(foot["goal_turn"]), settings["heel_first"]
+    share, left, ahead = foot["weight"], told["to_release"], settings["hip_look_ahead"]
+    if foot["bump"] or told["ahead"] == 0 or not math.isfinite(left):
+        return (1.0 if foot["bump"] else share) * shortfall(hip, goal, reach)
+    goal, _, _ = lifted(leg, hip, goal, turn, reach, first * foot["heel_lift"], settings)
+    drop = min(share * shortfall(hip, goal, reach), settings["max_stride_drop"])
+    if told["to_plant"] > 0.0 or left >= ahead:
+        return drop
+    hip = ahead_of(body, get3(timing["off_hip"]), left)
+    reach = usable(leg, timing["off_extension"], settings)
+    point, turn = print_of(foot, bodies_at, bodies_turn)
+    goal, turn = planted(point, turn, min(timing["off_pitch"], 0.0), leg)
+    goal, _, _ = lifted(leg, hip, goal, turn, reach, first, settings)
+    share = smooth_step(_EARLY * (1.0 - left / ahead))
+    return max(drop, min(share * shortfall(hip, goal, reach), settings["max_stride_drop"]))
+
+
+@compiled
 def move_hips(body, wanted, dt, settings):
-    """Follow the wanted drop (m, 0 or more) by a spring; the drop is kept in the body's record."""
+    """Follow the wanted drop (m, 0 or more) by a spring; the drop is kept in the body's record.
+
+    Down in time for the foot, up again at leisure: so on stairs the hips do not bounce.
+    """
     target = min(wanted, settings["max_hip_drop"])
-    half_life = 0.0 if body["fresh"] else settings["hip_half_life"]
+    half_life = settings["hip_half_life"]
+    if target < body["hip_drop"]:
+        half_life = settings["hip_rise_half_life"]
+    half_life = 0.0 if body["fresh"] else half_life
     drop, speed = spring(body["hip_drop"], body["hip_speed"], target, half_life, dt)
     within = clamp(drop, 0.0, settings["max_hip_drop"])
     body["hip_drop"], body["hip_speed"] = within, speed if within == drop else 0.0

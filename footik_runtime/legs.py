@@ -42,6 +42,7 @@ LEG = np.dtype(
         ("heel", "f8"),
         ("ball", "f8"),
         ("tip", "f8"),
+        ("half_width", "f8"),
         ("frame", "f8", 4),
         ("toe_frame", "f8", 4),
         ("hinge", "f8", 3),
@@ -60,7 +61,7 @@ def leg_records(rig: Rig) -> NDArray[np.void]:
         sole = leg.sole
         for name in ("hip", "knee", "ankle", "toe"):
             record[name] = getattr(leg, name)
-        for name in ("height", "heel", "ball", "tip", "frame", "toe_frame"):
+        for name in ("height", "heel", "ball", "tip", "half_width", "frame", "toe_frame"):
             record[name] = getattr(sole, name)
         record["length"] = length
         record["hinge"] = rotate_array(conj(rest[leg.hip]), np.cross([0.0, 0.0, 1.0], rig.forward))

@@ -13,8 +13,12 @@ import numpy as np
 
 from footik_runtime.compiled import compiled
 from footik_runtime.inertia import spring
-from footik_runtime.math3d import quat_yaw, rotate
+from footik_runtime.math3d import clamp, quat_yaw, rotate
 from footik_runtime.probes import set_probe
+
+_SLOPE_HALF_LIFE = 0.2  # s; on stairs the root climbs by fits and starts
+_UNDER_FEET = 0.05  # m that the root may be under the lowest of its feet
+_CRAWL = 0.3  # m/s below which a climb says less and less of the slope
 
 BODY = np.dtype(
     [
@@ -24,6 +28,7 @@ BODY = np.dtype(
         ("turn_rate", "f8"),
         ("root", "f8", 3),
         ("climb", "f8"),
+        ("slope", "f8"),
         ("yaw", "f8"),
         ("ground", "f8"),
         ("on_ground", "i4"),
@@ -40,7 +45,8 @@ BODY = np.dtype(
 """One character: where its root is and what it was told.
 
 time: in the motion's cycle, s; rate: its playback rate. velocity (2,): commanded, m/s in the root's
-frame; turn_rate: rad/s. root (3,), yaw: world; climb: vertical speed. ground: height the root
+frame; turn_rate: rad/s. root (3,), yaw: world; climb: vertical speed; slope: rise per metre of
+the way, smoothed. ground: height the root
 tends to, from its own ray; on_ground: whether that ray hit. frame, part: of the motion's cycle.
 hip_drop, hip_speed: how far the hips are lowered, m, m/s; fresh: 1 until they
 are placed for the first time. enabled: 0 leaves the animation alone; blend: 0 to 1, how much of
@@ -75,6 +81,9 @@ def move_root(body, dt, settings):
         body["root"][2], body["climb"] = z, climb
     else:
         body["climb"] = 0.0
+    speed = math.sqrt(vx * vx + vy * vy)
+    slope = clamp(body["climb"] / max(speed, _CRAWL * settings["size"]), -1.0, 1.0)
+    body["slope"] = slope + (body["slope"] - slope) * 0.5 ** (dt / _SLOPE_HALF_LIFE)
 
 
 @compiled
@@ -94,6 +103,35 @@ def hear_root(body, hit):
     body["on_ground"] = hit["hit"]
     if hit["hit"]:
         body["ground"] = hit["point"][2]
+
+
+@compiled
+def support_root(body, lowest, settings):
+    """Hold the root up by the lowest ground its feet have or will have, over pits that they pass.
+
+    Feet without any ground let it fall: then `lowest` is infinite.
+    """
+    # Uphill all of them may be ahead of the root, and so above it.
+    lowest -= (_UNDER_FEET + settings["foothold_lead"] * abs(body["slope"])) * settings["size"]
+    if math.isfinite(lowest):
+        body["ground"] = max(body["ground"], lowest) if body["on_ground"] else lowest
+        body["on_ground"] = 1
+
+
+@compiled
+def uphill_lead(body, leg_length, settings):
+    """How far uphill prints are moved, m in the root's frame: (forward, left).
+
+    With feet a and b ahead of hips at height h, a leg is as long at the plant as at the release
+    where a + b = 2 h g / (1 + g^2) on a slope of g: so much further ahead of level ground's
+    prints must they lie that neither the plant nor the release draws the hips down.
+    """
+    vx, vy = body["velocity"][0], body["velocity"][1]
+    speed = max(math.sqrt(vx * vx + vy * vy), _CRAWL * settings["size"])
+    g = body["slope"]
+    lead = settings["uphill_lead"] * leg_length * g / (1.0 + g * g)
+    lead = clamp(lead, -settings["foothold_lead"], settings["foothold_lead"])
+    return lead * vx / speed, lead * vy / speed
 
 
 @compiled

@@ -39,6 +39,9 @@ TIMING = np.dtype(
         ("pitch", "f8"),
         ("hip", "f8", 3),
         ("extension", "f8"),
+        ("off_pitch", "f8"),
+        ("off_hip", "f8", 3),
+        ("off_extension", "f8"),
     ],
     align=True,
 )
@@ -52,7 +55,8 @@ before that plant, s, 0 for a foot without a swing. print (2,) and print_yaw: wh
 flat footprint lies under the ankle, m and rad, in the frame the root has *at the plant*. middle,
 middle_yaw: the same in the frame the root has in the middle of the contact, to_middle seconds after
 the plant. pitch: how far the sole's nose points up at the plant, rad. hip (3,): the leg's hip joint
-then, in the same frame; extension: from there to the ankle, m.
+then, in the same frame; extension: from there to the ankle, m. off_*: the same three at the end of
+that contact, off_hip in the frame the root has then.
 """
 
 
@@ -182,11 +186,11 @@ def _timing(clip: Clip, rig: Rig, velocity: Array, yaw_rate: float) -> NDArray[n
             middle, turned = _seen_later(complex(*print_xy), half, velocity, yaw_rate)
             row["middle"][both] = middle.real, middle.imag
             row["middle_yaw"][both], row["to_middle"][both] = yaw - turned, half
-            row["pitch"][both] = np.arcsin(np.clip(ahead[start, 2], -1.0, 1.0))
-            row["hip"][both] = positions[start, leg.hip]
-            row["extension"][both] = np.linalg.norm(
-                positions[start, leg.ankle] - positions[start, leg.hip]
-            )
+            for name, at in (("", start), ("off_", (start + length - 1) % frames)):
+                hip, ankle = positions[at, leg.hip], positions[at, leg.ankle]
+                row[name + "pitch"][both] = np.arcsin(np.clip(ahead[at, 2], -1.0, 1.0))
+                row[name + "hip"][both] = hip
+                row[name + "extension"][both] = np.linalg.norm(ankle - hip)
         row[frames] = row[0]
     return table
 

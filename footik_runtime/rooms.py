@@ -12,12 +12,19 @@ from collections import namedtuple
 from footik_runtime.compiled import compiled
 from footik_runtime.feet.plan import PROBES
 from footik_runtime.feet.record import HEEL_PIN, remember, reset_foot
-from footik_runtime.feet.target import intend, settle
+from footik_runtime.feet.target import ground_of, intend, settle
 from footik_runtime.ground import Caster, cast_native
 from footik_runtime.hips import move_hips, wanted_drop
 from footik_runtime.inertia import smooth_step
 from footik_runtime.legs import pose_leg
-from footik_runtime.locomotion import ahead_of, ask_root, hear_root, root_rows
+from footik_runtime.locomotion import (
+    ahead_of,
+    ask_root,
+    hear_root,
+    root_rows,
+    support_root,
+    uphill_lead,
+)
 from footik_runtime.math3d import (
     add,
     clamp,
@@ -98,11 +105,11 @@ def tell_foot(body, timing, part, fps, leg, at, turn, settings, told):
     told["to_release"] = (timing["to_release"] - part / fps) / rate
     told["progress"] = clamp(1.0 - ticks / max(timing["swing_time"], 1e-3), 0.0, 1.0)
     told["pitch"] = timing["pitch"]
-    tell_place(body, timing, rate, settings, told)
+    tell_place(body, timing, rate, leg, settings, told)
 
 
 @compiled
-def tell_place(body, timing, rate, settings, told):
+def tell_place(body, timing, rate, leg, settings, told):
     """Write where the next plant shall be: where the foot is in the middle of its contact.
 
     At the motion's own velocity that is the print at the plant itself (`due`); at any other the
@@ -116,7 +123,10 @@ def tell_place(body, timing, rate, settings, told):
     x, y = place[0] - due[0], place[1] - due[1]
     part = min(1.0, _MOST_SHIFT * settings["size"] / max(math.sqrt(x * x + y * y), 1e-9))
     told["due"][0], told["due"][1] = due[0], due[1]
-    told["place"][0], told["place"][1] = due[0] + part * x, due[1] + part * y
+    uphill = uphill_lead(body, leg["length"], settings)
+    uphill = rotate(quat_yaw(body["yaw"]), (uphill[0], uphill[1], 0.0))
+    told["place"][0] = due[0] + part * x + uphill[0]
+    told["place"][1] = due[1] + part * y + uphill[1]
     told["yaw"] = body["yaw"] + body["turn_rate"] * (seconds + later) + timing["middle_yaw"]
 
 
@@ -157,7 +167,7 @@ def ask_row(body, feet, tables, at, turn, told, probes, dt, scene):
 def settle_row(body, feet, tables, at, told, hits, dt, scene):
     """Hear every hit of one character: settle its feet, and move its hips."""
     hear_root(body, hits[0])
-    wanted = 0.0
+    wanted, lowest = 0.0, math.inf
     for i in range(feet.shape[0]):
         leg = tables.legs[i]
         first = 1 + i * PROBES
@@ -166,14 +176,13 @@ def settle_row(body, feet, tables, at, told, hits, dt, scene):
             tables.settings, scene.at, scene.turn,
         )  # fmt: skip
         timing = tables.timing[body["frame"], i]
-        ahead = clamp(told[i]["to_plant"], 0.0, tables.settings["hip_look_ahead"])
-        next_hip = ahead_of(body, get3(timing["hip"]), ahead)
         drop = wanted_drop(
-            feet[i], told[i], leg, get3(at[leg["hip"]]), next_hip, timing["extension"],
-            tables.settings,
+            body, feet[i], told[i], leg, get3(at[leg["hip"]]), timing, tables.settings,
             scene.at, scene.turn,
         )  # fmt: skip
         wanted = max(wanted, drop)
+        lowest = min(lowest, ground_of(feet[i], scene.at, scene.turn))
+    support_root(body, lowest, tables.settings)
     move_hips(body, wanted, dt, tables.settings)
 
 
@@ -194,7 +203,7 @@ def leg_row(body, feet, tables, root, local, at, turn, told, dt):
             share * foot["toes"], get3(foot["normal"]), tables.parents, tables.settings,
             local, at, turn,
         )  # fmt: skip
-        foot["reached"], foot["missing"] = reached, missing
+        foot["reached"], foot["missing"], foot["lifted"] = reached, missing, lift
         if not reached or share < 1.0 or (lift > 0.0 and foot["pin"] == HEEL_PIN):
             foot["locked"] = 0  # a lift turns about the ball, and carries a held heel away
         remember(foot, told[i], ankle, sole_turn, dt)

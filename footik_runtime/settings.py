@@ -22,10 +22,12 @@ _LENGTHS = (
     "ground_below",
     "largest_step",
     "foothold_shift",
+    "foothold_lead",
     "clearance",
     "swing_lift",
     "replan_distance",
     "max_hip_drop",
+    "max_stride_drop",
     "max_hip_foot",
     "foot_height",
 )
@@ -51,16 +53,23 @@ class FootIKSettings:
         ground_above: m over the foot's ground from which rays are cast.
         ground_below: m under it to which they reach.
         largest_step: m that a foothold may lie above or below the root's ground.
-        largest_slope_deg: degrees that a sole tilts with the ground at most.
+        largest_slope_deg: degrees that a sole pitches with the ground at most.
+        largest_roll_deg: degrees that a sole rolls with the ground at most.
         foothold_shift: m that a foothold may move along the foot to lie on even ground.
+        uphill_lead: how much of the shift uphill that makes a leg as long at the plant as at the
+            release prints are given, 0 to 1.
+        foothold_lead: m of that shift at most.
         clearance: m that the swinging sole keeps over the ground it crosses.
         swing_lift: m by which the middle of every swing is raised.
         replan_distance: m that a predicted footprint may move before it is looked at again.
         flat_angle_deg: degrees of animated foot pitch, while planted, that count as flat.
         reach: part of the leg's length that is used before hips drop or heels lift, in (0.5, 1].
         max_heel_lift_deg: degrees that a heel lifts over the ball before a planted foot gives up.
-        hip_half_life: s, of the spring that moves the hips.
+        heel_first: part of that angle which is used before the hips drop.
+        hip_half_life: s, of the spring that lowers the hips.
+        hip_rise_half_life: s, of the spring that raises them again.
         max_hip_drop: m that the hips drop at most.
+        max_stride_drop: m that they drop at most for a foot that steps on.
         hip_look_ahead: s before a plant in which the hips begin to drop for it.
         hip_let_go: s before a release in which the hips cease to drop for it.
         root_half_life: s, of the spring that carries the root over the ground.
@@ -87,15 +96,21 @@ class FootIKSettings:
     ground_below: float = 0.6
     largest_step: float = 0.45
     largest_slope_deg: float = 40.0
+    largest_roll_deg: float = 35.0
     foothold_shift: float = 0.15
+    uphill_lead: float = 0.7
+    foothold_lead: float = 0.25
     clearance: float = 0.02
     swing_lift: float = 0.015
     replan_distance: float = 0.05
     flat_angle_deg: float = 2.0
     reach: float = 0.975
     max_heel_lift_deg: float = 45.0
+    heel_first: float = 0.7
     hip_half_life: float = 0.12
+    hip_rise_half_life: float = 0.3
     max_hip_drop: float = 0.45
+    max_stride_drop: float = 0.145
     hip_look_ahead: float = 0.5
     hip_let_go: float = 0.23
     root_half_life: float = 0.1
@@ -217,15 +232,21 @@ RANGES: dict[str, tuple[float, float]] = {
     "ground_below": (0.05, 10.0),
     "largest_step": (0.01, 5.0),
     "largest_slope_deg": (0.0, 80.0),
+    "largest_roll_deg": (0.0, 80.0),
     "foothold_shift": (0.0, 1.0),
+    "uphill_lead": (0.0, 1.0),
+    "foothold_lead": (0.0, 1.0),
     "clearance": (0.0, 0.5),
     "swing_lift": (0.0, 0.5),
     "replan_distance": (0.001, 1.0),
     "flat_angle_deg": (0.0, 20.0),
     "reach": (0.5, 1.0),
     "max_heel_lift_deg": (0.0, 80.0),
+    "heel_first": (0.0, 1.0),
     "hip_half_life": (0.0, 5.0),
+    "hip_rise_half_life": (0.0, 5.0),
     "max_hip_drop": (0.0, 5.0),
+    "max_stride_drop": (0.0, 5.0),
     "hip_look_ahead": (0.0, 2.0),
     "hip_let_go": (0.001, 2.0),
     "root_half_life": (0.0, 5.0),

@@ -13,8 +13,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from footik_runtime.crowd import Crowd, stays_in_place
 from footik_runtime.errors import FootIKError
+from footik_runtime.feet.record import GROUNDED, ON_HEEL
 from footik_runtime.ground import ABOVE, REACH, SceneGround
 from footik_runtime.motion import Motion
+from footik_runtime.phases import Phase
 from footik_runtime.recorded import Run
 from footik_runtime.scene import Scene
 from footik_runtime.settings import FootIKSettings, body_size, settings_or_default
@@ -25,6 +27,7 @@ Array = NDArray[np.float64]
 Drive = Callable[[float], tuple[ArrayLike, float]]
 
 _MOST_FRAMES = 1_000_000
+_HEEL_OFF = 0.01  # rad that the runtime lifts a heel from which the ball alone carries
 """Of a recording: some 10 GB for a skeleton of 31 joints."""
 
 
@@ -123,6 +126,24 @@ def _phases_at(motion: Motion, rate: float, times: Array) -> NDArray[np.int64]:
     return motion.timing["phase"][np.floor(frames + 1e-6).astype(int)].astype(np.int64)
 
 
+def _carried(
+    phases_at: Callable[[Array], NDArray[np.int64]], times: Array, on_ball: NDArray[np.bool_]
+) -> Callable[[Array], NDArray[np.int64]]:
+    """Phases at times, with the ball phase wherever a run's foot stood on its ball alone."""
+
+    def at(asked: Array) -> NDArray[np.int64]:
+        phases = phases_at(asked)
+        nearest = np.clip(np.rint(np.interp(asked, times, np.arange(len(times)))), 0, None)
+        return _on_ball(phases, on_ball[nearest.astype(int)])
+
+    return at
+
+
+def _on_ball(phases: NDArray[np.int64], on_ball: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """The clip's phases (N, legs); a contact whose heel was lifted is in its ball phase."""
+    return np.where((phases != Phase.SWING) & on_ball, int(Phase.BALL), phases)
+
+
 class _Tape:
     """Collects frames; the sole points and the ground under them are found frame by frame,
     because the ground may move.
@@ -181,7 +202,12 @@ class _Tape:
         names = ("hip", "knee", "ankle", "toe") if has_toes else ("hip", "knee", "ankle")
         chains = np.array([[getattr(leg, name) for name in names] for leg in legs])
         times = np.arange(len(self._roots)) / fps
-        phase_at = partial(_phases_at, self._scene.motion, float(self._bodies[0]["rate"]))
+        # The runtime may lift a heel before the clip does: then the ball carries the foot.
+        on_ball = (feet["lifted"] > _HEEL_OFF) | (feet["landed"] != ON_HEEL)
+        on_ball &= feet["state"] == GROUNDED
+        self._phases = _on_ball(self._phases, on_ball)
+        phases_at = partial(_phases_at, self._scene.motion, float(self._bodies[0]["rate"]))
+        phase_at = _carried(phases_at, times, on_ball)
         run = Run(
             fps=fps,
             times=times,

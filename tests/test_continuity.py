@@ -152,7 +152,7 @@ def test_a_paused_motion_does_not_move_a_foot_in_mid_swing() -> None:
         for _ in range(5):
             ik.step(1.0 / HZ)
             moved = np.linalg.norm(ik.crowd.feet[0]["goal"] - last, axis=-1)
-            assert moved.max() < 0.1, (pause, moved)
+            assert moved.max() < 0.12, (pause, moved)
             last = ik.crowd.feet[0]["goal"].copy()
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 import math
 
 from footik_runtime.compiled import compiled
+from footik_runtime.feet.record import ON_HEEL
 from footik_runtime.math3d import (
     add,
     get3,
@@ -58,6 +59,13 @@ def sole_pitch(turn, flat):
         return 0.0
     over = over * over / (over + flat)
     return over if pitch > 0.0 else -over
+
+
+@compiled
+def stance_pitch(foot, turn, settings):
+    """The pitch of an animated sole (4,) that its print takes: none over a heel without ground."""
+    pitch = sole_pitch(turn, settings["flat_angle"])
+    return min(pitch, 0.0) if foot["landed"] != ON_HEEL else pitch
 
 
 @compiled

@@ -9,6 +9,7 @@ from footik_runtime.math3d import get3, get4, scale, set3, set4, sub
 
 RELEASED, GROUNDED = 0, 1
 NO_PIN, HEEL_PIN, BALL_PIN = -1, 0, 1
+ON_HEEL, HEEL_HANGS, TOES_DOWN = 0, 1, 2
 NO_PLAN, ASKED, PLANNED, NOWHERE, ASKED_AGAIN = 0, 1, 2, 3, 4
 
 FOOT = np.dtype(
@@ -41,7 +42,10 @@ FOOT = np.dtype(
         ("land_turn", "f8", 4),
         ("land_floor", "i4"),
         ("land_body", "i4"),
+        ("landing", "i4"),
+        ("landed", "i4"),
         ("arch", "f8"),
+        ("bend", "f8"),
         ("offset", "f8", 3),
         ("offset_speed", "f8", 3),
         ("twist", "f8", 3),
@@ -60,6 +64,7 @@ FOOT = np.dtype(
         ("toes", "f8"),
         ("toes_left", "f8"),
         ("heel_lift", "f8"),
+        ("lifted", "f8"),
         ("pin", "i4"),
         ("locked", "i4"),
         ("reached", "i4"),
@@ -73,12 +78,15 @@ state: RELEASED or GROUNDED; bump: in a bump stride. floor, body: geom and body 
 weight: 0 follows the animation, 1 its print. hold, hold_turn: the print (under the ankle, on the
 ground) in its body's frame; gap: height of the watched ground over it. from*: the print a bump
 stride leaves. lift*: the print a swing or stride left, world; spent: the contact was given up;
-rolled: how far the ankle, held, would have moved in the frame of release. plan*,
-land*, arch: the foothold ahead, plan_shift: from where the
-animation would put the foot. offset*, twist*: what is carried over, and its age. anim*, root_z,
+rolled: how far the ankle, held, would have moved in the frame of release. plan*, land*:
+the foothold ahead, plan_shift: from where the animation would put the foot; landing, landed: how it
+will land there, how it did here: ON_HEEL as the animation has it, or on the ball, because its heel
+has no ground (HEEL_HANGS) or because it steps down (TOES_DOWN). arch, bend: of the swing's line, as
+`bend_over` has them. offset*, twist*: what is carried over, and its age. anim*, root_z,
 out*: last frame's animated ankle and final ankle, with the final one's velocity. goal, goal_turn:
 of the ankle and sole, world; normal: of the plane it stands on, or left; toes: how flat the toes
-lie on it, toes_left: when it was released; heel_lift: 0 to 1, how far its heel may lift to reach.
+lie on it, toes_left: when it was released; heel_lift: 0 to 1, how far its heel may lift to reach;
+lifted: how far it did, rad.
 pin: the sole point that is held; locked: and still. reached: whether the leg came to the goal;
 missing: by how much not, m.
 """
@@ -117,9 +125,10 @@ def reset_foot(foot):
     foot["floor"], foot["body"] = -1, 0
     foot["weight"], foot["plan"], foot["known"] = 0.0, NO_PLAN, 0
     foot["pin"], foot["locked"], foot["offset_time"] = NO_PIN, 0, 0.0
-    foot["air_age"], foot["spent"] = 1e9, 0
+    foot["air_age"], foot["spent"], foot["bend"] = 1e9, 0, 1.0
     foot["reached"], foot["missing"] = 1, 0.0
     foot["toes"], foot["toes_left"] = 0.0, 0.0
+    foot["landing"], foot["landed"] = ON_HEEL, ON_HEEL
 
 
 @compiled

@@ -6,7 +6,7 @@ import math
 
 from footik_runtime.compiled import compiled
 from footik_runtime.feet.carry import carry_over, with_offset
-from footik_runtime.feet.footprint import UP, planted, print_of, sole_pitch, to_world
+from footik_runtime.feet.footprint import UP, planted, print_of, stance_pitch, to_world
 from footik_runtime.feet.plan import ask, plan_moved
 from footik_runtime.feet.record import GROUNDED
 from footik_runtime.inertia import smooth_bump, smooth_step
@@ -43,6 +43,7 @@ def start_stride(foot, bump, age, duration):
     set3(foot["hold"], get3(foot["land"]))
     set4(foot["hold_turn"], get4(foot["land_turn"]))
     foot["floor"], foot["body"] = foot["land_floor"], foot["land_body"]
+    foot["landed"] = foot["landing"]
     foot["state"], foot["bump"], foot["watched"] = GROUNDED, bump, 0
     foot["stride_age"], foot["stride_time"] = age, duration
 
@@ -52,7 +53,7 @@ def astray(foot, told, leg, settings, bodies_at, bodies_turn):
     """How far a locked foot is from its told place, in parts of what starts a bump stride."""
     here, turn = print_of(foot, bodies_at, bodies_turn)
     if told["ahead"] == 0:  # the place is the animated ankle's, which rolls over heel and ball
-        here, _ = planted(here, turn, sole_pitch(get4(told["turn"]), settings["flat_angle"]), leg)
+        here, _ = planted(here, turn, stance_pitch(foot, get4(told["turn"]), settings), leg)
     dx, dy = told["place"][0] - here[0], told["place"][1] - here[1]
     turned = wrap_angle(told["yaw"] - quat_heading(turn))
     far = math.sqrt(dx * dx + dy * dy) / settings["stride_distance"]
@@ -65,7 +66,7 @@ def intend_bump(foot, told, leg, may_bump, probes, settings, bodies_at, bodies_t
     if foot["bump"] and foot["stride_age"] < foot["stride_time"]:
         early = foot["stride_age"] < _LATE * foot["stride_time"]
         if early and plan_moved(foot, told, settings):
-            ask(foot, told, get3(foot["lift"]), probes, settings)
+            ask(foot, told, leg, get3(foot["lift"]), probes, settings)
         return
     if foot["weight"] < 1.0:
         return
@@ -75,7 +76,7 @@ def intend_bump(foot, told, leg, may_bump, probes, settings, bodies_at, bodies_t
         point, turn = print_of(foot, bodies_at, bodies_turn)
         set3(foot["lift"], point)
         set4(foot["lift_turn"], turn)
-        ask(foot, told, point, probes, settings)
+        ask(foot, told, leg, point, probes, settings)
 
 
 @compiled
@@ -90,6 +91,7 @@ def bump_to_plan(foot, told, leg, may_set_out, dt, settings, bodies_at, bodies_t
     set3(foot["hold"], get3(foot["land"]))
     set4(foot["hold_turn"], get4(foot["land_turn"]))
     foot["floor"], foot["body"], foot["watched"] = foot["land_floor"], foot["land_body"], 0
+    foot["landed"] = foot["landing"]
     now, _ = bump_pose(foot, told["turn"], leg, settings, bodies_at, bodies_turn)
     age = foot["stride_age"]
     foot["stride_age"] = max(age - dt, 0.0)
@@ -125,7 +127,7 @@ def carry_over_lift(foot, duration, dt, settings):
 @compiled
 def bump_pose(foot, anim_turn, leg, settings, bodies_at, bodies_turn):
     """Ankle and sole rotation of a foot in a bump stride, rolled as its animated sole (4,) is."""
-    pitch = sole_pitch(get4(anim_turn), settings["flat_angle"])
+    pitch = stance_pitch(foot, get4(anim_turn), settings)
     end, end_turn = print_of(foot, bodies_at, bodies_turn)
     end, end_turn = planted(end, end_turn, pitch, leg)
     start, start_turn = to_world(

@@ -15,7 +15,7 @@ import math
 
 from footik_runtime.compiled import compiled
 from footik_runtime.feet.carry import carry_over, with_offset
-from footik_runtime.feet.footprint import UP, planted, print_of, sole_pitch, to_body
+from footik_runtime.feet.footprint import UP, planted, print_of, stance_pitch, to_body
 from footik_runtime.feet.plan import PROBES, ask, hear_foothold, plan_moved
 from footik_runtime.feet.record import (
     ASKED,
@@ -26,20 +26,20 @@ from footik_runtime.feet.record import (
     NO_PIN,
     NO_PLAN,
     NOWHERE,
+    ON_HEEL,
     PLANNED,
     RELEASED,
+    TOES_DOWN,
 )
 from footik_runtime.feet.stride import FORCED, bump_pose, bump_to_plan, intend_bump, start_stride
-from footik_runtime.feet.swing import follow_swing, swing_progress, swinging
+from footik_runtime.feet.swing import follow_swing, landing, set_down, swing_progress, swinging
 from footik_runtime.inertia import smooth_step
 from footik_runtime.math3d import (
     add,
     add_scaled,
     get3,
     get4,
-    lerp,
     quat_heading,
-    quat_slerp,
     quat_yaw,
     rotate,
     set3,
@@ -52,6 +52,7 @@ _DOWN = (0.0, 0.0, -1.0)
 _FOLLOWED = 1e-3  # m of ground movement under a print that is not worth following
 _MISSED = 0.004  # m by which a leg may miss its goal before a contact is given up
 _HEEL_STANCE = 0.2  # s after a plant in which more and more of a heel lift is allowed
+_BALL_LEAD = 1.4  # times the usual time in which a foot that lands on its ball is set down
 _LONGEST_LEAD = 0.6  # part of a swing in which its foot may be set down
 
 
@@ -59,23 +60,35 @@ _LONGEST_LEAD = 0.6  # part of a swing in which its foot may be set down
 def release(foot, told, leg, dt, settings, bodies_at, bodies_turn):
     """Let go of the ground: the foot swings from its print back to the animation."""
     point, turn = print_of(foot, bodies_at, bodies_turn)
-    flat = settings["flat_angle"]
-    now, _ = planted(point, turn, sole_pitch(get4(told["turn"]), flat), leg)
-    before, _ = planted(point, turn, sole_pitch(get4(foot["anim_turn"]), flat), leg)
+    now, _ = planted(point, turn, stance_pitch(foot, get4(told["turn"]), settings), leg)
+    before, _ = planted(point, turn, stance_pitch(foot, get4(foot["anim_turn"]), settings), leg)
     set3(foot["rolled"], sub(now, before))
     set3(foot["lift"], point)
     set4(foot["lift_turn"], turn)
     foot["state"], foot["bump"], foot["plan"] = RELEASED, 0, NO_PLAN
     foot["floor"], foot["body"], foot["watched"] = -1, 0, 0
-    foot["air_age"], foot["arch"], foot["weight"] = 0.0, 0.0, 0.0
+    foot["air_age"], foot["arch"], foot["bend"], foot["weight"] = 0.0, 0.0, 1.0, 0.0
     foot["toes_left"] = foot["toes"]
-    follow_swing(foot, told, dt, settings, bodies_at, bodies_turn)
+    follow_swing(foot, told, leg, dt, settings, bodies_at, bodies_turn)
 
 
 @compiled
-def place_lead(told, settings):
-    """How long before a known plant the foot sets out for its print, s."""
-    return min(settings["place_time"], _LONGEST_LEAD * told["swing_time"])
+def place_lead(foot, told, settings):
+    """How long before a known plant the foot sets out for its print, s; longer to turn it more."""
+    time = settings["place_time"] * (_BALL_LEAD if foot["landing"] == TOES_DOWN else 1.0)
+    return min(time, _LONGEST_LEAD * told["swing_time"])
+
+
+@compiled
+def ground_of(foot, bodies_at, bodies_turn):
+    """Height of the print a foot stands on, or of the foothold it will take; inf for neither."""
+    if foot["state"] == GROUNDED:
+        point, _ = print_of(foot, bodies_at, bodies_turn)
+    elif foot["plan"] == PLANNED:
+        point, _ = landing(foot, bodies_at, bodies_turn)
+    else:
+        return math.inf
+    return point[2]
 
 
 @compiled
@@ -103,7 +116,7 @@ def wants_ground(foot, told, settings):
             placing = foot["stride_age"] < told["swing_time"]
             if placing and told["to_plant"] <= _LONGEST_LEAD * told["swing_time"]:
                 return True
-        return told["to_plant"] <= place_lead(told, settings)
+        return told["to_plant"] <= place_lead(foot, told, settings)
     if foot["state"] == GROUNDED:
         return told["weight"] > settings["weight_off"]
     return told["weight"] >= settings["weight_on"]
@@ -138,7 +151,7 @@ def intend(foot, told, leg, may_bump, dt, probes, settings, bodies_at, bodies_tu
     new = foot["plan"] != PLANNED or plan_moved(foot, told, settings)
     if new and (wants or told["ahead"]):
         lift = get3(foot["lift"]) if told["ahead"] else get3(told["ankle"])
-        ask(foot, told, lift, probes, settings)
+        ask(foot, told, leg, lift, probes, settings)
 
 
 @compiled
@@ -185,7 +198,7 @@ def watch_ground(foot, told, hit, leg, dt, settings, bodies_at, bodies_turn):
     set3(foot["hold"], held)
     set4(foot["hold_turn"], held_turn)
     if abs(moved) > 1e-9:
-        pitch = sole_pitch(get4(foot["anim_turn"]), settings["flat_angle"])
+        pitch = stance_pitch(foot, get4(foot["anim_turn"]), settings)
         base, base_turn = planted(point, turn, pitch, leg)
         carry_over(
             foot, get3(foot["out"]), get3(foot["out_speed"]), base, base_turn,
@@ -207,12 +220,12 @@ def settle(foot, told, leg, hits, may_set_out, dt, settings, bodies_at, bodies_t
     if foot["state"] == RELEASED:
         # Without a foothold as before, the swing is as before, and its offset goes on decaying.
         if asked and foot["known"] and not (again and foot["plan"] == NOWHERE):
-            follow_swing(foot, told, dt, settings, bodies_at, bodies_turn)
+            follow_swing(foot, told, leg, dt, settings, bodies_at, bodies_turn)
         if foot["plan"] == PLANNED and wants_ground(foot, told, settings):
             # A foot that knows nothing yet stands at once, but is in no hurry to a plant ahead.
             age, duration = 0.0, settings["place_time"] if foot["known"] else 0.0
             if told["ahead"] and told["to_plant"] > 0.0:
-                duration = place_lead(told, settings)
+                duration = place_lead(foot, told, settings)
                 age = duration - told["to_plant"]
             start_stride(foot, 0, age, duration)
     else:
@@ -228,7 +241,7 @@ def grounded_pose(foot, told, leg, settings, bodies_at, bodies_turn):
     if foot["bump"]:
         return bump_pose(foot, told["turn"], leg, settings, bodies_at, bodies_turn)
     ankle, turn, root_z = get3(told["ankle"]), get4(told["turn"]), told["root_z"]
-    pitch = sole_pitch(turn, settings["flat_angle"])
+    pitch = stance_pitch(foot, turn, settings)
     point, print_turn = print_of(foot, bodies_at, bodies_turn)
     base, base_turn = planted(point, print_turn, pitch, leg)
     if foot["weight"] >= 1.0:
@@ -237,9 +250,12 @@ def grounded_pose(foot, told, leg, settings, bodies_at, bodies_turn):
     s = smooth_step(t)
     progress = swing_progress(foot, told, settings)
     start, start_turn = swinging(
-        foot, ankle, turn, root_z, progress, settings, bodies_at, bodies_turn
+        foot, leg, ankle, turn, root_z, progress, settings, bodies_at, bodies_turn
     )
-    return lerp(start, base, s), quat_slerp(start_turn, base_turn, s)
+    return set_down(
+        foot, leg, start, start_turn, base, base_turn, s, progress, settings,
+        bodies_at, bodies_turn,
+    )  # fmt: skip
 
 
 @compiled
@@ -253,7 +269,7 @@ def write_goal(foot, told, leg, settings, bodies_at, bodies_turn):
         foot["weight"] = 0.0
         progress = swing_progress(foot, told, settings)
         base, base_turn = swinging(
-            foot, ankle, turn, root_z, progress, settings, bodies_at, bodies_turn
+            foot, leg, ankle, turn, root_z, progress, settings, bodies_at, bodies_turn
         )
         set3(foot["normal"], rotate(get4(foot["lift_turn"]), UP))
     else:
@@ -270,9 +286,11 @@ def write_goal(foot, told, leg, settings, bodies_at, bodies_turn):
             known = told["ahead"] and math.isfinite(told["to_release"])
             stood = -told["to_plant"] / _HEEL_STANCE if known else 1.0
             foot["heel_lift"] = smooth_step(stood)
-            heel = sole_pitch(turn, settings["flat_angle"]) > 0.0
+            heel = stance_pitch(foot, turn, settings) > 0.0
             foot["pin"] = HEEL_PIN if heel else BALL_PIN
             foot["locked"] = 1 if foot["offset_age"] >= foot["offset_time"] else 0
+        if foot["landed"] != ON_HEEL:
+            foot["heel_lift"] = foot["weight"]
         base, base_turn = grounded_pose(foot, told, leg, settings, bodies_at, bodies_turn)
     goal, goal_turn = with_offset(foot, base, base_turn)
     set3(foot["goal"], goal)
