@@ -25,7 +25,7 @@ from footik_runtime.model_skeleton import (
     require_same_tree,
     skeleton_from_model,
 )
-from footik_runtime.rig import Rig
+from footik_runtime.rig import Leg, Rig
 from footik_runtime.sole import all_sole_points
 
 Array = NDArray[np.float64]
@@ -242,6 +242,18 @@ class Character:
             )
         write_qpos(data.qpos, self.qpos_address, root_position_w, rotations, self.rest)
 
+    def write_stretch(self, model: mujoco.MjModel, stretches: Array) -> None:
+        """Make each leg's bones, from hip to ankle, as many times their length; kinematics next.
+
+        Args:
+            model: of the scene: its body_pos is written.
+            stretches: (L,) of each leg.
+        """
+        offsets = stretched_offsets(self.rig, stretches)
+        for leg in self.rig.legs:
+            for joint in between(self.rig, leg):
+                model.body_pos[self.bodies[joint]] = offsets[joint]
+
     def write_pose_velocity(
         self, model: mujoco.MjModel, data: mujoco.MjData, previous_qpos: Array, dt: float
     ) -> None:
@@ -264,6 +276,20 @@ class Character:
             data.qvel[self.dofs] = 0.0
             return
         write_qvel(data.qvel, self.dofs, self.qpos_address, previous_qpos, data.qpos, dt)
+
+
+def between(rig: Rig, leg: Leg) -> list[int]:
+    """The joints below a leg's hip down to its ankle."""
+    chain = rig.skeleton.chain(leg.ankle)
+    return [joint for joint in chain if joint > leg.hip and leg.hip in rig.skeleton.chain(joint)]
+
+
+def stretched_offsets(rig: Rig, stretches: Array) -> Array:
+    """(J, 3) the skeleton's offsets, those of each leg's bones times its stretch (L,)."""
+    offsets = rig.skeleton.offsets.copy()
+    for leg, stretch in zip(rig.legs, stretches, strict=True):
+        offsets[between(rig, leg)] *= stretch
+    return offsets
 
 
 @compiled

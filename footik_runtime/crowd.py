@@ -14,17 +14,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from footik_runtime import quat_arrays
 from footik_runtime.errors import FootIKError
 from footik_runtime.feet.plan import PROBES
-from footik_runtime.feet.record import FOOT, FOOT_INPUT, reset_foot
+from footik_runtime.feet.record import FOOT, FOOT_INPUT, reset_foot, switch_on
 from footik_runtime.ground import Ground, SceneGround
 from footik_runtime.legs import leg_records
 from footik_runtime.locomotion import BODY
+from footik_runtime.math3d import get4, quat_between, quat_conj, quat_mul, quat_unit, rotate
 from footik_runtime.motion import Motion
 from footik_runtime.openkcc_rooms import OpenKCCRooms
 from footik_runtime.probes import HIT, PROBE
 from footik_runtime.rooms import BLOCK, Block, Bodies, Tables, after_rays, before_rays, step_native
 from footik_runtime.settings import FootIKSettings, body_size, settings_or_default
+from footik_runtime.upright import turn_bodies, turn_memory, turn_poses
 
 Array = NDArray[np.float64]
 
@@ -108,17 +111,20 @@ class Crowd:
         self.block = _new_block(min(count, BLOCK), joints, len(legs))
         self._blocks.insert(0, self.block)
         self._pool = ThreadPoolExecutor(len(self._parts)) if len(self._parts) > 1 else None
+        self._frame = np.array([1.0, 0.0, 0.0, 0.0])
+        self._upright = True
         self._around = _scene_bodies(self.ground)
         self._native = self._native_arguments()
-        self.bodies["rate"], self.bodies["enabled"] = 1.0, 1
+        self.bodies["rate"], self.bodies["enabled"], self.bodies["hips"] = 1.0, 1, 1
+        for foot in self.feet.reshape(-1):
+            switch_on(foot)
         self.bodies["velocity"], self.bodies["turn_rate"] = motion.velocity, motion.yaw_rate
         self.reset()
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Take a copy's state: it steps its own arrays, not those of the original."""
         self.__dict__.update(state)
-        self._around = _scene_bodies(self.ground)
-        self._native = self._native_arguments()
+        self._take_frame()
 
     def reset(self) -> None:
         """Forget all feet: the next frame places them where the animation has them."""
@@ -126,7 +132,8 @@ class Crowd:
             reset_foot(foot)
         self.bodies["fresh"] = 1
         self.bodies["blend"] = self.bodies["enabled"]
-        self.bodies["hip_drop"] = self.bodies["hip_speed"] = self.bodies["climb"] = 0.0
+        for name in ("hip_drop", "hip_speed", "climb", "slope", "sway", "sway_speed"):
+            self.bodies[name] = 0.0
         if self.openkcc is not None:
             self.openkcc.reset()
 
@@ -137,9 +144,62 @@ class Crowd:
         """
         count = len(self.bodies)
         places, yaws = _checked("at", at, count, (3,)), _checked("yaw", yaw, count, ())
+        if not self._upright:
+            places = quat_arrays.rotate(quat_arrays.conj(self._frame), places)
         self.bodies["root"], self.bodies["yaw"] = places, yaws
         self.bodies["ground"], self.bodies["on_ground"] = self.bodies["root"][:, 2], 0
         self.reset()
+
+    @property
+    def up(self) -> Array:
+        """(3,) what is up for these characters, unit, world. Settable at any time.
+
+        Poses, and what `place` takes, stay in the world; `bodies` and `feet` are told in `frame`.
+        Feet stay where they are; the bodies turn about their roots at once, so that a character
+        that shall walk from floor to wall is told a little at a time.
+        """
+        return np.array(rotate(get4(self._frame), (0.0, 0.0, 1.0)))
+
+    @up.setter
+    def up(self, up_w: ArrayLike) -> None:
+        try:
+            wanted = np.asarray(up_w, dtype=np.float64)
+        except (TypeError, ValueError):
+            wanted = np.zeros(0)
+        length = float(np.linalg.norm(wanted)) if wanted.shape == (3,) else math.nan
+        if not 1e-9 < length < math.inf:
+            raise FootIKError(f"up must be three finite numbers, not all 0, not {up_w}.")
+        if not isinstance(self.ground, SceneGround) or self.openkcc is not None:
+            raise FootIKError(
+                "up can be changed on the ground of a MuJoCo scene alone, and not with the "
+                "openkcc behaviour."
+            )
+        x, y, z = (wanted / length).tolist()
+        before = get4(self._frame)
+        now = quat_unit(quat_mul(quat_between(rotate(before, (0.0, 0.0, 1.0)), (x, y, z)), before))
+        turn_memory(np.array(quat_mul(quat_conj(now), before)), self.bodies, self.feet)
+        self._frame[:] = now
+        self._take_frame()
+
+    @property
+    def around(self) -> Bodies:
+        """Places (B, 3) and rotations (B, 4) of the scene's bodies, in `frame`."""
+        return self._around
+
+    @property
+    def frame(self) -> Array:
+        """(4,) rotation, in the world, of the frame whose z axis is up."""
+        return self._frame.copy()
+
+    def _take_frame(self) -> None:
+        """See the ground, and the scene's bodies, in the frame."""
+        self._upright = bool((self._frame == (1.0, 0.0, 0.0, 0.0)).all())
+        self._around = _scene_bodies(self.ground)
+        if isinstance(self.ground, SceneGround):
+            self.ground = self.ground.turned(self._frame)
+            if not self._upright:
+                self._around = Bodies(self._around.at.copy(), self._around.turn.copy())
+        self._native = self._native_arguments()
 
     def command(self, velocity: ArrayLike, turn_rate: ArrayLike = 0.0) -> None:
         """Tell characters where to go: (C, 2) or (2,) m/s in each root's frame; (C,) or one rad/s.
@@ -166,6 +226,14 @@ class Crowd:
         that is negative or not finite.
         """
         check_dt(dt)
+        if not self._upright and isinstance(self.ground, SceneGround):
+            data = self.ground.data
+            turn_bodies(self._frame, data.xpos, data.xquat, *self._around)
+        self._step(dt)
+        if not self._upright:
+            turn_poses(self._frame, self.roots, self.rotations)
+
+    def _step(self, dt: float) -> None:
         if self.openkcc is not None:
             state = (self.bodies, self.feet, self.tables, self.roots, self.rotations, self.block)
             self.openkcc.step(*state, dt, self._around, self.ground)

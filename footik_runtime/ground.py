@@ -21,8 +21,19 @@ from numba import types
 from numpy.typing import ArrayLike, NDArray
 
 from footik_runtime.compiled import compiled, jit_enabled
-from footik_runtime.errors import FootIKError, listed
-from footik_runtime.math3d import TINY, add, add_scaled, dot, get3, norm, set3
+from footik_runtime.errors import FootIKError, listed, unknown_name
+from footik_runtime.math3d import (
+    TINY,
+    add,
+    add_scaled,
+    dot,
+    get3,
+    get4,
+    norm,
+    rotate,
+    set3,
+    unrotate,
+)
 from footik_runtime.probes import HIT, PROBE, set_miss
 from footik_runtime.settings import checked_groups
 
@@ -40,7 +51,7 @@ _ARGUMENTS = ("m:", "d:", "pnt:", "vec:", "geomgroup:", "flg_static:", "bodyexcl
 # m beyond a back face before the ray goes on. Ground that lies on that face, as a floor does under
 # a box at rest, is passed with it where MuJoCo names the box first.
 _PAST_BACK_FACE = 1e-5
-_MOST_BACK_FACES = 8
+_MOST_PASSED = 24  # back faces, and geoms that are no ground, that one ray passes
 # A ray exactly on a grid line of a height field, or on a seam of a mesh, may fall through it in
 # MuJoCo. Characters start at round numbers, where such lines are: rays are cast a hair beside.
 _OFF_SEAM = (1.37e-7, 0.73e-7, 0.0)  # m
@@ -89,8 +100,9 @@ _mj_ray = types.ExternalFunction(
 )
 
 
-Caster = namedtuple("Caster", "model data groups geom_body")
-"""What `cast_native` needs of a scene: two addresses, the group mask, and the geoms' bodies."""
+Caster = namedtuple("Caster", "model data groups geom_body frame")
+"""What `cast_native` needs of a scene: two addresses, the group mask, the geoms' bodies, -1 for
+those that rays pass through, and the rotation (4,) of the probes' frame in the world."""
 
 
 @compiled
@@ -104,8 +116,8 @@ def _record_hit(probe, travelled, geom, normal, geom_body, hit):
 
 
 @compiled
-def cast_native(model, data, groups, geom_body, probes, hits, numbers, geom_id):
-    """Cast active probes (N,) into hits (N,); model and data are addresses.
+def cast_native(model, data, groups, geom_body, frame, probes, hits, numbers, geom_id):
+    """Cast active probes (N,) into hits (N,); model and data are addresses, the rest `Caster`'s.
 
     `numbers` (9,) float64 and `geom_id` (1,) int32 are scratch. Faces that look along the ray are
     passed through: a ray that starts inside a box does not see that box. A ray without direction
@@ -117,13 +129,13 @@ def cast_native(model, data, groups, geom_body, probes, hits, numbers, geom_id):
         if probe["active"] == 0:
             continue
         set_miss(hit)
-        set3(direction, get3(probe["direction"]))
+        set3(direction, rotate(get4(frame), get3(probe["direction"])))
         if not norm(get3(direction)) > TINY:
             continue
         travelled = 0.0
-        for _ in range(_MOST_BACK_FACES):
+        for _ in range(_MOST_PASSED):
             start = add_scaled(get3(probe["origin"]), get3(probe["direction"]), travelled)
-            set3(origin, add(start, _OFF_SEAM))
+            set3(origin, rotate(get4(frame), add(start, _OFF_SEAM)))
             distance = _mj_ray(
                 model,
                 data,
@@ -138,8 +150,9 @@ def cast_native(model, data, groups, geom_body, probes, hits, numbers, geom_id):
             travelled += distance
             if geom_id[0] < 0 or distance < 0.0 or travelled > probe["length"]:
                 break
-            if dot(get3(normal), get3(direction)) <= 0.0:
-                _record_hit(probe, travelled, geom_id[0], get3(normal), geom_body, hit)
+            if dot(get3(normal), get3(direction)) <= 0.0 and geom_body[geom_id[0]] >= 0:
+                upright = unrotate(get4(frame), get3(normal))
+                _record_hit(probe, travelled, geom_id[0], upright, geom_body, hit)
                 break
             travelled += _PAST_BACK_FACE
 
@@ -148,6 +161,8 @@ def _cast_through_python(
     model: mujoco.MjModel,
     data: mujoco.MjData,
     groups: NDArray[np.uint8],
+    geom_body: NDArray[np.int32],
+    frame: Array,
     probes: NDArray[Any],
     hits: NDArray[Any],
 ) -> None:
@@ -161,17 +176,20 @@ def _cast_through_python(
         if not norm(get3(probe["direction"])) > TINY:
             continue
         travelled = 0.0
-        for _ in range(_MOST_BACK_FACES):
+        turn = get4(frame)
+        direction = np.array(rotate(turn, get3(probe["direction"])))
+        for _ in range(_MOST_PASSED):
             start = add_scaled(get3(probe["origin"]), get3(probe["direction"]), travelled)
-            start = np.array(add(start, _OFF_SEAM))
+            start = np.array(rotate(turn, add(start, _OFF_SEAM)))
             distance = mujoco.mj_ray(
-                model, data, start, probe["direction"], groups, True, -1, geom_id, normal
+                model, data, start, direction, groups, True, -1, geom_id, normal
             )
             travelled += distance
             if geom_id[0] < 0 or distance < 0.0 or travelled > probe["length"]:
                 break
-            if float(normal @ probe["direction"]) <= 0.0:
-                _record_hit(probe, travelled, geom_id[0], normal, model.geom_bodyid, hit)
+            if float(normal @ direction) <= 0.0 and geom_body[geom_id[0]] >= 0:
+                upright = unrotate(turn, get3(normal))
+                _record_hit(probe, travelled, geom_id[0], upright, geom_body, hit)
                 break
             travelled += _PAST_BACK_FACE
 
@@ -191,6 +209,21 @@ def _points(points: ArrayLike) -> Array:
     if out.shape[-1:] != (3,):
         raise FootIKError(f"points must be numbers of shape (..., 3), not {points!r:.60}.")
     return out
+
+
+def _geom_id(model: mujoco.MjModel, geom: str | int) -> int:
+    """The id of a geom by name or id. Raises FootIKError for one that there is not."""
+    if isinstance(geom, str):
+        found = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, geom)
+        if found < 0:
+            names = [model.geom(g).name for g in range(model.ngeom)]
+            raise unknown_name("geom", geom, [name for name in names if name])
+        return found
+    if isinstance(geom, bool) or not (
+        isinstance(geom, (int, np.integer)) and 0 <= geom < model.ngeom
+    ):
+        raise FootIKError(f"a geom is a name or an id from 0 to {model.ngeom - 1}, not {geom!r}.")
+    return int(geom)
 
 
 def _shown(groups: Sequence[int]) -> str:
@@ -223,6 +256,7 @@ class SceneGround:
     Attributes:
         model, data: as given.
         groups: geom groups that rays see.
+        passed: (P,) ids of the geoms in them that rays pass through.
     """
 
     def __init__(
@@ -231,6 +265,7 @@ class SceneGround:
         data: mujoco.MjData,
         *,
         groups: Sequence[int] | None = None,
+        passed: Sequence[str | int] = (),
         native: bool = NATIVE_RAYS,
     ) -> None:
         """Look at a scene.
@@ -240,10 +275,12 @@ class SceneGround:
             data: of that model.
             groups: geom groups that rays see. By default those of the settings of the crowd that
                 walks here, and `TERRAIN_GROUPS` for rays that are cast without a crowd.
+            passed: names or ids of geoms that are no ground, whatever their group.
             native: cast rays from machine code.
 
         Raises:
-            FootIKError: data of another model, groups that are none, or no native rays here.
+            FootIKError: data of another model, groups that are none, a geom that there is not, or
+                no native rays here.
         """
         if native and not NATIVE_RAYS:
             raise FootIKError("native rays are not available with this MuJoCo or without kernels.")
@@ -255,6 +292,8 @@ class SceneGround:
         self.groups = checked_groups(TERRAIN_GROUPS if groups is None else groups)
         self._asked = groups is not None
         self._mask = group_mask(self.groups)
+        self.passed = np.array([_geom_id(model, geom) for geom in passed], dtype=np.int32)
+        self._frame = np.array([1.0, 0.0, 0.0, 0.0])
         self._native = native
         self._known: Caster | None = None
 
@@ -276,10 +315,18 @@ class SceneGround:
         other._mask = group_mask(groups)
         return other
 
+    def turned(self, frame: ArrayLike) -> SceneGround:
+        """The same ground for probes, and hits, in a frame with this rotation (4,) in the world."""
+        other = copy(self)
+        other._frame, other._known = np.array(frame, dtype=np.float64), None
+        return other
+
     def cast(self, probes: NDArray[Any], hits: NDArray[Any]) -> None:
         """Answer the active probes; see `Ground.cast`. May be called from several threads."""
         if not self._native:
-            _cast_through_python(self.model, self.data, self._mask, probes, hits)
+            caster = self._new_caster()
+            seen = (caster.groups, caster.geom_body, caster.frame)
+            _cast_through_python(self.model, self.data, *seen, probes, hits)
             return
         cast_native(*self._new_caster(), probes, hits, np.empty(9), np.empty(1, dtype=np.int32))
 
@@ -292,7 +339,9 @@ class SceneGround:
         model, data = self.model._address, self.data._address
         known = self._known
         if known is None or (known.model, known.data) != (model, data):
-            self._known = known = Caster(model, data, self._mask, self.model.geom_bodyid)
+            bodies = self.model.geom_bodyid.copy()
+            bodies[self.passed] = -1
+            self._known = known = Caster(model, data, self._mask, bodies, self._frame)
         return known
 
     def under(

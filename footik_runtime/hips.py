@@ -7,13 +7,14 @@ import math
 from footik_runtime.compiled import compiled
 from footik_runtime.feet.footprint import planted, print_of, to_world
 from footik_runtime.feet.record import GROUNDED, ON_HEEL, PLANNED, TOES_DOWN
-from footik_runtime.inertia import smooth_step, spring
+from footik_runtime.inertia import damped_spring, smooth_step, spring
 from footik_runtime.leg_ik import shortfall
 from footik_runtime.legs import lifted, usable
 from footik_runtime.locomotion import ahead_of
 from footik_runtime.math3d import clamp, get3, get4, norm, sub
 
 _DEEP = 0.7  # part of the hips' largest drop from which a foot lands on its ball instead
+_MOST_SWAY = 0.15  # m that the hips go sideways at most
 _EARLY = 1.5  # the spring lags: the whole drop is asked for after 2/3 of the look-ahead
 
 
@@ -75,17 +76,49 @@ def held_drop(body, foot, told, leg, hip, timing, settings, bodies_at, bodies_tu
 
 
 @compiled
+def wanted_raise(foot, leg, hip, settings):
+    """How far the hips must rise so that a leg on the ground is not shorter than it may be, m."""
+    if foot["state"] != GROUNDED:
+        return 0.0
+    goal = get3(foot["goal"])
+    dx, dy = goal[0] - hip[0], goal[1] - hip[1]
+    least = settings["min_leg"] * leg["length"]
+    upright = math.sqrt(max(least * least - dx * dx - dy * dy, 0.0))
+    return foot["weight"] * max(goal[2] + upright - hip[2], 0.0)
+
+
+@compiled
 def move_hips(body, wanted, dt, settings):
-    """Follow the wanted drop (m, 0 or more) by a spring; the drop is kept in the body's record.
+    """Follow the wanted drop (m, below 0 a rise) by a spring; kept in the body's record.
 
     Down in time for the foot, up again at leisure: so on stairs the hips do not bounce.
     """
-    target = min(wanted, settings["max_hip_drop"])
+    lowest, highest = settings["max_hip_drop"], -settings["max_hip_raise"]
+    target = clamp(wanted, highest, lowest) if body["hips"] and settings["hips"] else 0.0
     half_life = settings["hip_half_life"]
     if target < body["hip_drop"]:
         half_life = settings["hip_rise_half_life"]
+    before, speed = body["hip_drop"], body["hip_speed"]
     half_life = 0.0 if body["fresh"] else half_life
-    drop, speed = spring(body["hip_drop"], body["hip_speed"], target, half_life, dt)
-    within = clamp(drop, 0.0, settings["max_hip_drop"])
+    drop, speed = damped_spring(before, speed, target, half_life, settings["hip_damping"], dt)
+    if body["fresh"] == 0:
+        most = settings["max_hip_speed"]
+        drop, speed = clamp(drop, before - most * dt, before + most * dt), clamp(speed, -most, most)
+    within = clamp(drop, highest, lowest)
     body["hip_drop"], body["hip_speed"] = within, speed if within == drop else 0.0
     body["fresh"] = 0
+
+
+@compiled
+def sway_hips(body, x, y, dt, settings):
+    """Follow the support sideways: (x, y) m, world, is how far it is from the animation's."""
+    share = settings["hip_balance"] if body["hips"] and settings["hips"] else 0.0
+    far = math.sqrt(x * x + y * y)
+    most = _MOST_SWAY * settings["size"]
+    share *= min(1.0, most / max(far, 1e-9))
+    for k in range(2):
+        value, speed = spring(
+            body["sway"][k], body["sway_speed"][k], share * (x if k == 0 else y),
+            settings["hip_rise_half_life"], dt,
+        )  # fmt: skip
+        body["sway"][k], body["sway_speed"][k] = value, speed

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from numbers import Real
 from typing import Any
@@ -11,10 +12,14 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from footik_runtime import quat_arrays
+from footik_runtime.balance import Balance, balance_over
 from footik_runtime.crowd import Crowd, check_dt
 from footik_runtime.errors import FootIKError, unknown_name
 from footik_runtime.feet.footprint import to_world
-from footik_runtime.feet.record import GROUNDED
+from footik_runtime.feet.record import GROUNDED, LOCKS
+from footik_runtime.ground import SceneGround
+from footik_runtime.probes import Ray, cast_rays
 from footik_runtime.scene import Scene
 from footik_runtime.settings import FootIKSettings, body_size, settings_or_default
 from footik_runtime.sole import POINTS
@@ -22,7 +27,7 @@ from footik_runtime.sole import POINTS
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class FootTarget:
     """One foot of one character: a live view of its record, for people to read.
 
@@ -32,7 +37,45 @@ class FootTarget:
 
     name: str
     _record: NDArray[Any]
-    _scene: Scene
+    _crowd: Crowd
+
+    @property
+    def active(self) -> bool:
+        """Whether the foot is placed; without, it follows the animation. Settable at any time.
+
+        A switch is faded over `FootIKSettings.blend_time`, from FK to IK or back.
+        """
+        return bool(self._record["active"])
+
+    @active.setter
+    def active(self, on: bool) -> None:
+        self._record["active"] = int(bool(on))
+
+    @property
+    def plant_weight(self) -> float:
+        """How much the planted foot keeps its place, 0 to 1; at 0 it only follows the ground.
+
+        Settable: at once, where `fade_plant` gets there at a speed.
+        """
+        return float(self._record["plant"])
+
+    @plant_weight.setter
+    def plant_weight(self, weight: float) -> None:
+        self.fade_plant(weight)
+        self._record["plant"] = self._record["plant_to"]
+
+    def fade_plant(self, weight: float, speed: float = 1.0) -> None:
+        """Move the plant weight to another, 0 to 1, at a speed, more than 0, 1/s."""
+        if not (isinstance(weight, Real) and 0.0 <= weight <= 1.0):
+            raise FootIKError(f"a plant weight must be in [0, 1], not {weight!r}.")
+        if not (isinstance(speed, Real) and 0.0 < speed < math.inf):
+            raise FootIKError(f"a plant weight fades at more than 0 a second, not {speed!r}.")
+        self._record["plant_to"], self._record["plant_speed"] = weight, speed
+
+    @property
+    def lock(self) -> str:
+        """What it keeps while it is planted: one of `LOCKS`."""
+        return LOCKS[max(int(self._record["lock"]), 0)]
 
     @property
     def state(self) -> str:
@@ -63,34 +106,40 @@ class FootTarget:
         return bool(self._record["reached"])
 
     @property
+    def stretch(self) -> float:
+        """How many times its length the leg has: above 1 with `FootIKSettings.max_stretch` only."""
+        return float(self._record["stretch"])
+
+    @property
     def goal_w(self) -> Array:
         """(3,) the ankle's goal, world, m."""
-        return self._record["goal"].copy()
+        return self._world(self._record["goal"])
 
     @property
     def goal_rotation_w(self) -> Array:
         """(4,) the sole's goal (x forward, z up), world, wxyz."""
-        return self._record["goal_turn"].copy()
+        return quat_arrays.mul(self._crowd.frame, self._record["goal_turn"])
 
     @property
     def ankle_w(self) -> Array:
         """(3,) where the ankle is, world, m."""
-        return self._record["out"].copy()
+        return self._world(self._record["out"])
+
+    def _world(self, point: Array) -> Array:
+        return quat_arrays.rotate(self._crowd.frame, point)
 
     @property
     def print_w(self) -> Array | None:
         """(3,) the print on the ground, under the ankle of a flat foot, world, m; or None."""
         if self._record["state"] != GROUNDED:
             return None
-        data = self._scene.data
         point, _ = to_world(
             int(self._record["body"]),
             tuple(self._record["hold"]),
             tuple(self._record["hold_turn"]),
-            data.xpos,
-            data.xquat,
+            *self._crowd.around,
         )
-        return np.array(point)
+        return self._world(np.array(point))
 
     @property
     def ground(self) -> str | None:
@@ -98,7 +147,9 @@ class FootTarget:
         geom = int(self._record["floor"])
         if self._record["state"] != GROUNDED or geom < 0:
             return None
-        return self._scene.model.geom(geom).name or f"geom {geom}"
+        ground = self._crowd.ground
+        named = ground.model.geom(geom).name if isinstance(ground, SceneGround) else ""
+        return named or f"geom {geom}"
 
     def __str__(self) -> str:
         where = f" on {self.ground}" if self.ground else ""
@@ -116,13 +167,27 @@ class HumanoidFootIK:
         crowd: the crowd of one that does the work.
     """
 
-    def __init__(self, scene: Scene, *, settings: FootIKSettings | None = None) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        *,
+        settings: FootIKSettings | None = None,
+        passed: Sequence[str | int] = (),
+    ) -> None:
+        """Put the scene's character on its start.
+
+        Args:
+            scene: with a motion and a terrain.
+            settings: of its feet.
+            passed: geoms that are no ground, by name or id, whatever their group.
+        """
         self.scene = scene
         self.settings = settings_or_default(settings)
-        self.crowd = Crowd(scene.motion, scene.ground(self.settings.groups), settings=self.settings)
+        ground = scene.ground(self.settings.groups, passed=passed)
+        self.crowd = Crowd(scene.motion, ground, settings=self.settings)
         legs = scene.motion.rig.legs
         self.feet = tuple(
-            FootTarget(leg.name, self.crowd.feet[0, i : i + 1].reshape(()), scene)
+            FootTarget(leg.name, self.crowd.feet[0, i : i + 1].reshape(()), self.crowd)
             for i, leg in enumerate(legs)
         )
         self._time = 0.0
@@ -149,16 +214,34 @@ class HumanoidFootIK:
     @property
     def root_w(self) -> Array:
         """(3,) where the root is, on the ground, world, m."""
-        return self.crowd.bodies["root"][0].copy()
+        return quat_arrays.rotate(self.crowd.frame, self.crowd.bodies["root"][0])
+
+    @property
+    def up(self) -> Array:
+        """(3,) what is up, unit, world: settable at any time, as `Crowd.up`."""
+        return self.crowd.up
+
+    @up.setter
+    def up(self, up_w: ArrayLike) -> None:
+        self.crowd.up = up_w
+
+    @property
+    def hips_move(self) -> bool:
+        """Whether the hips are lowered, raised and balanced; settable, faded by their springs."""
+        return bool(self.crowd.bodies["hips"][0])
+
+    @hips_move.setter
+    def hips_move(self, on: bool) -> None:
+        self.crowd.bodies["hips"] = int(bool(on))
 
     @property
     def yaw(self) -> float:
-        """Where the root faces, rad from +x."""
+        """Where the root faces, rad from +x, about what is up."""
         return float(self.crowd.bodies["yaw"][0])
 
     @property
     def hip_drop(self) -> float:
-        """How far the hips are lowered, m."""
+        """How far the hips are lowered, m; below 0, raised."""
         return float(self.crowd.bodies["hip_drop"][0])
 
     def foot(self, name: str) -> FootTarget:
@@ -167,6 +250,16 @@ class HumanoidFootIK:
             if foot.name == name:
                 return foot
         raise unknown_name("foot", str(name), [foot.name for foot in self.feet])
+
+    @property
+    def rays(self) -> list[Ray]:
+        """The rays of the last step that belong to feet, for drawing."""
+        block, names = self.crowd.block, [foot.name for foot in self.feet]
+        return cast_rays(block.probes[0], block.hits[0], names, self.crowd.frame)
+
+    def balance(self) -> Balance:
+        """Where the centre of mass is over the feet that stand, now."""
+        return balance_over(self.scene, self.crowd)
 
     def place(self, at_w: ArrayLike, yaw: float = 0.0) -> None:
         """Put the character somewhere, (3,) m, facing yaw, rad; its feet are placed anew."""
@@ -216,6 +309,8 @@ class HumanoidFootIK:
 
     def _write(self, dt: float) -> None:
         model, data, character = self.scene.model, self.scene.data, self.scene.character
+        if self.settings.max_stretch > 1.0:
+            character.write_stretch(model, self.crowd.feet[0]["stretch"])
         character.write_pose(data, self.crowd.roots[0], self.crowd.rotations[0])
         # From the pose written last, not from what mj_step made of it since.
         character.write_pose_velocity(model, data, self._qpos, dt)

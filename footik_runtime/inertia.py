@@ -70,3 +70,28 @@ def spring(value, velocity, target, half_life, dt):
     pull = velocity + frequency * away
     fade = math.exp(-frequency * dt)
     return target + fade * (away + pull * dt), fade * (velocity - frequency * pull * dt)
+
+
+@compiled
+def damped_spring(value, velocity, target, half_life, damping, dt):
+    """A spring as `spring`, but with a damping ratio: 1 is critical, less swings, more creeps.
+
+    Integrated exactly, by x'' = -w^2 x - 2 z w x' with z the damping, in each of its three cases.
+    """
+    if damping == 1.0 or half_life < _SHORTEST:
+        return spring(value, velocity, target, half_life, dt)
+    w = 1.67835 / half_life
+    away = value - target
+    if damping < 1.0:
+        turns = w * math.sqrt(1.0 - damping * damping)
+        if damping * w * dt > _OVER:
+            return target, 0.0
+        fade, c, s = math.exp(-damping * w * dt), math.cos(turns * dt), math.sin(turns * dt)
+        b = (velocity + damping * w * away) / turns
+        here = fade * (away * c + b * s)
+        return target + here, fade * turns * (b * c - away * s) - damping * w * here
+    root = w * math.sqrt(damping * damping - 1.0)
+    slow, fast = root - damping * w, -root - damping * w
+    a = (velocity - fast * away) / (slow - fast)
+    left, right = a * math.exp(slow * dt), (away - a) * math.exp(max(fast * dt, -_OVER))
+    return target + left + right, slow * left + fast * right

@@ -87,6 +87,24 @@ def knee_direction(hip, knee, ankle, hinge):
 
 
 @compiled
+def turned_knee(bent, toward, toes, settings, side):
+    """The pole of a knee that points to `bent` (3,) unit, across the way `toward` the goal.
+
+    It is turned about the leg to where the toes (3,) point, by `knee_toe`, and outward by
+    `knee_out`, at most by `max_knee_twist`; side: 1 left, -1 right. Unit.
+    """
+    over = reject(toes, toward)
+    turn = 0.0
+    # Toes that point along the leg say nothing; the nearer they come to that, the less.
+    sure = smooth_step(norm(over) / _POLE_SURE)
+    if sure > 0.0:
+        turn = math.atan2(dot(cross(bent, over), toward), dot(bent, over))
+    turn = settings["knee_toe"] * sure * turn - side * settings["knee_out"]
+    turn = clamp(turn, -settings["max_knee_twist"], settings["max_knee_twist"])
+    return add(scale(bent, math.cos(turn)), scale(cross(toward, bent), math.sin(turn)))
+
+
+@compiled
 def knee_toward(pole, toward, carried):
     """Where the knee shall point, across the direction `toward` of the goal.
 

@@ -8,7 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footik_runtime.compiled import compiled
-from footik_runtime.leg_ik import heel_lift, two_bone
+from footik_runtime.leg_ik import (
+    heel_lift,
+    knee_direction,
+    soft_stretch,
+    turned_knee,
+    two_bone,
+)
 from footik_runtime.math3d import (
     add,
     clamp,
@@ -17,12 +23,14 @@ from footik_runtime.math3d import (
     get4,
     norm,
     quat_axis_angle,
+    quat_between,
     quat_conj,
     quat_mul,
     quat_nlerp,
     rotate,
     set4,
     sub,
+    unit,
 )
 from footik_runtime.quat_arrays import conj
 from footik_runtime.quat_arrays import rotate as rotate_array
@@ -46,17 +54,20 @@ LEG = np.dtype(
         ("frame", "f8", 4),
         ("toe_frame", "f8", 4),
         ("hinge", "f8", 3),
+        ("side", "f8"),
     ],
     align=True,
 )
 """A `Leg` and its `Sole` for compiled code. hinge: the knee's axis in the hip joint's frame,
-pointing left at rest."""
+pointing left at rest; side: 1 for a left leg, -1 for a right one, 0 between."""
 
 
 def leg_records(rig: Rig) -> NDArray[np.void]:
     """(legs,) of `LEG`."""
     out = np.zeros(len(rig.legs), dtype=LEG)
-    _, rest = rig.skeleton.rest_pose()
+    at, rest = rig.skeleton.rest_pose()
+    left = np.cross([0.0, 0.0, 1.0], rig.forward)
+    middle = at[[leg.hip for leg in rig.legs]].mean(axis=0)
     for record, leg, length in zip(out, rig.legs, rig.leg_lengths, strict=True):
         sole = leg.sole
         for name in ("hip", "knee", "ankle", "toe"):
@@ -64,7 +75,8 @@ def leg_records(rig: Rig) -> NDArray[np.void]:
         for name in ("height", "heel", "ball", "tip", "half_width", "frame", "toe_frame"):
             record[name] = getattr(sole, name)
         record["length"] = length
-        record["hinge"] = rotate_array(conj(rest[leg.hip]), np.cross([0.0, 0.0, 1.0], rig.forward))
+        record["side"] = np.sign(np.round((at[leg.hip] - middle) @ left, 6))
+        record["hinge"] = rotate_array(conj(rest[leg.hip]), left)
     return out
 
 
@@ -103,12 +115,22 @@ def lie_toes(leg, foot, sole_turn, normal, share, parents, local):
 
 
 @compiled
-def pose_leg(leg, drop, goal, goal_turn, held, toes, normal, parents, settings, local, at, turn):
+def knee_pole(leg, hip, knee, ankle, goal, goal_turn, hinge, settings):
+    """Where the knee shall point: as the animation bends it, turned as the settings say."""
+    line = unit(sub(ankle, hip), unit(sub(knee, hip), (0.0, 0.0, -1.0)))
+    toward = unit(sub(goal, hip), line)
+    bent = rotate(quat_between(line, toward), knee_direction(hip, knee, ankle, hinge))
+    toes = rotate(goal_turn, (1.0, 0.0, 0.0))
+    return turned_knee(bent, toward, toes, settings, leg["side"])
+
+
+@compiled
+def pose_leg(leg, down, goal, goal_turn, held, toes, normal, parents, settings, local, at, turn):
     """Pose one leg for a goal of its ankle and sole, into the local rotations (J, 4).
 
     Args:
         leg: `LEG`.
-        drop: how far the hips are lowered from the world pose `at`, m.
+        down: (3,) how far the hips are moved from the world pose `at`, m.
         goal, goal_turn: of the ankle joint and the sole, world.
         held: 0 to 1, how much the foot is on the ground: so much may the heel lift over the ball
             where the leg is too short.
@@ -116,13 +138,13 @@ def pose_leg(leg, drop, goal, goal_turn, held, toes, normal, parents, settings, 
         parents: (J,) of the skeleton.
         settings: `SETTINGS`.
         local: (J, 4) read and written.
-        at, turn: (J, 3), (J, 4) animated pose of the leg's joints, world, before the drop.
+        at, turn: (J, 3), (J, 4) animated pose of the leg's joints, world, before that.
 
     Returns:
         The ankle (3,) and sole rotation that the leg came to, whether that is the goal, by how
-        much it is not, m, and by what angle the heel was lifted, rad.
+        much it is not, m, by what angle the heel was lifted, rad, and how many times their length
+        thigh and shin have.
     """
-    down = (0.0, 0.0, -drop)
     hip = add(get3(at[leg["hip"]]), down)
     knee = add(get3(at[leg["knee"]]), down)
     ankle = add(get3(at[leg["ankle"]]), down)
@@ -131,7 +153,11 @@ def pose_leg(leg, drop, goal, goal_turn, held, toes, normal, parents, settings, 
     foot = quat_mul(goal_turn, quat_conj(get4(leg["frame"])))
     hip_turn, knee_turn = get4(turn[leg["hip"]]), get4(turn[leg["knee"]])
     hinge = rotate(hip_turn, get3(leg["hinge"]))
-    thigh, shin, came_to, reached = two_bone(hip, knee, ankle, goal, hinge, reach)
+    pole = (0.0, 0.0, 0.0)
+    if settings["knee_toe"] > 0.0 or settings["knee_out"] != 0.0:
+        pole = knee_pole(leg, hip, knee, ankle, goal, goal_turn, hinge, settings)
+    most = settings["max_stretch"]
+    thigh, shin, came_to, reached = two_bone(hip, knee, ankle, goal, hinge, reach, pole, most)
     # Joints between hip, knee and ankle keep their local rotations and ride along.
     above = parents[leg["hip"]]
     over_hip = get4(turn[above]) if above >= 0 else (1.0, 0.0, 0.0, 0.0)
@@ -142,4 +168,5 @@ def pose_leg(leg, drop, goal, goal_turn, held, toes, normal, parents, settings, 
     set4(local[leg["ankle"]], quat_mul(quat_conj(over_ankle), foot))
     if leg["toe"] >= 0 and toes > 0.0:
         lie_toes(leg, foot, goal_turn, normal, toes, parents, local)
-    return came_to, goal_turn, reached, norm(sub(goal, came_to)), lift
+    _, stretch = soft_stretch(norm(sub(goal, hip)), reach, leg["length"], most)
+    return came_to, goal_turn, reached, norm(sub(goal, came_to)), lift, stretch

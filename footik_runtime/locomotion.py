@@ -36,6 +36,9 @@ BODY = np.dtype(
         ("part", "f8"),
         ("hip_drop", "f8"),
         ("hip_speed", "f8"),
+        ("hips", "i4"),
+        ("sway", "f8", 2),
+        ("sway_speed", "f8", 2),
         ("fresh", "i4"),
         ("enabled", "i4"),
         ("blend", "f8"),
@@ -48,7 +51,8 @@ time: in the motion's cycle, s; rate: its playback rate. velocity (2,): commande
 frame; turn_rate: rad/s. root (3,), yaw: world; climb: vertical speed; slope: rise per metre of
 the way, smoothed. ground: height the root
 tends to, from its own ray; on_ground: whether that ray hit. frame, part: of the motion's cycle.
-hip_drop, hip_speed: how far the hips are lowered, m, m/s; fresh: 1 until they
+hip_drop, hip_speed: how far the hips are lowered, m, m/s; hips: whether they move;
+sway, sway_speed: how far sideways, world; fresh: 1 until they
 are placed for the first time. enabled: 0 leaves the animation alone; blend: 0 to 1, how much of
 what the feet are given the pose takes.
 """

@@ -15,10 +15,11 @@ from footik_runtime import quat_arrays
 from footik_runtime.clip import Clip, cubic_weights
 from footik_runtime.compiled import compiled
 from footik_runtime.errors import FootIKError
+from footik_runtime.feet.record import LOCKS
 from footik_runtime.math3d import quat_unit, set4
 from footik_runtime.offline.contacts import mend_seam, with_contacts
 from footik_runtime.offline.loops import find_loop, put_in_place
-from footik_runtime.phases import Phase, phase_curve, weight_curve
+from footik_runtime.phases import Phase, lock_curve, phase_curve, weight_curve
 from footik_runtime.rig import Rig
 from footik_runtime.sole import BALL, HEEL, all_sole_points
 
@@ -28,6 +29,7 @@ TIMING = np.dtype(
     [
         ("weight", "f8"),
         ("phase", "i4"),
+        ("lock", "i4"),
         ("to_plant", "f8"),
         ("to_release", "f8"),
         ("swing_time", "f8"),
@@ -47,16 +49,17 @@ TIMING = np.dtype(
 )
 """What one foot does in one frame, seen from the root.
 
-weight: of the IK curve. phase: `Phase`. to_plant: seconds to the next plant, or minus the time
-since the last one while in contact, so that it falls at rate 1 and jumps at the release alone; inf
-for a foot that never plants, 0 for one that always stands. to_release: seconds to the end of the
-present contact, 0 in swing, inf for a foot that always stands. swing_time: duration of the swing
-before that plant, s, 0 for a foot without a swing. print (2,) and print_yaw: where that plant's
-flat footprint lies under the ankle, m and rad, in the frame the root has *at the plant*. middle,
-middle_yaw: the same in the frame the root has in the middle of the contact, to_middle seconds after
-the plant. pitch: how far the sole's nose points up at the plant, rad. hip (3,): the leg's hip joint
-then, in the same frame; extension: from there to the ankle, m. off_*: the same three at the end of
-that contact, off_hip in the frame the root has then.
+weight: of the IK curve. phase: `Phase`. lock: of the clip's lock curve, -1 without. to_plant:
+seconds to the next plant, or minus the time since the last one while in contact, so that it falls
+at rate 1 and jumps at the release alone; inf for a foot that never plants, 0 for one that always
+stands. to_release: seconds to the end of the present contact, 0 in swing, inf for a foot that
+always stands. swing_time: duration of the swing before that plant, s, 0 for a foot without a swing.
+print (2,) and print_yaw: where that plant's flat footprint lies under the ankle, m and rad, in the
+frame the root has *at the plant*. middle, middle_yaw: the same in the frame the root has in the
+middle of the contact, to_middle seconds after the plant. pitch: how far the sole's nose points up
+at the plant, rad. hip (3,): the leg's hip joint then, in the same frame; extension: from there to
+the ankle, m. off_*: the same three at the end of that contact, off_hip in the frame the root has
+then.
 """
 
 
@@ -161,6 +164,7 @@ def _timing(clip: Clip, rig: Rig, velocity: Array, yaw_rate: float) -> NDArray[n
         row = table[:, i]
         row["weight"] = clip.curves[weight_curve(leg.name)]
         row["phase"] = clip.curves[phase_curve(leg.name)].round()
+        row["lock"] = _locks(clip, leg.name)
         contact = row["phase"][:frames] != Phase.SWING
         row["to_plant"], row["swing_time"] = np.inf, 0.0
         row["hip"] = positions[:, leg.hip]
@@ -193,6 +197,21 @@ def _timing(clip: Clip, rig: Rig, velocity: Array, yaw_rate: float) -> NDArray[n
                 row[name + "extension"][both] = np.linalg.norm(ankle - hip)
         row[frames] = row[0]
     return table
+
+
+def _locks(clip: Clip, leg: str) -> NDArray[np.int64]:
+    """(T,) the values of a leg's lock curve, -1 without one. Raises FootIKError for any other."""
+    curve = clip.curves.get(lock_curve(leg))
+    if curve is None:
+        return np.full(len(clip), -1)
+    locks = np.rint(curve).astype(int)
+    wrong = np.flatnonzero((locks < 0) | (locks >= len(LOCKS)))
+    if len(wrong):
+        raise FootIKError(
+            f"{clip.name}: curve {lock_curve(leg)} is {curve[wrong[0]]:g} in frame {wrong[0]}: "
+            f"locks are 0 to {len(LOCKS) - 1} ({', '.join(LOCKS)})."
+        )
+    return locks
 
 
 def _contacts(contact: NDArray[np.bool_]) -> list[tuple[int, int, int]]:

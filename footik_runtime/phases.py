@@ -34,6 +34,11 @@ def phase_curve(leg_name: str) -> str:
     return f"{_camel(leg_name)}FootPhase"
 
 
+def lock_curve(leg_name: str) -> str:
+    """The curve of what a planted foot keeps, values of `LOCKS` by number: "LeftFootLock"."""
+    return f"{_camel(leg_name)}FootLock"
+
+
 def heel_curve(leg_name: str) -> str:
     """The curve of a leg's heel weight, at least .5 while the heel carries: "LeftHeelIKWeight"."""
     return f"{_camel(leg_name)}HeelIKWeight"

@@ -11,10 +11,10 @@ from collections import namedtuple
 
 from footik_runtime.compiled import compiled
 from footik_runtime.feet.plan import PROBES
-from footik_runtime.feet.record import HEEL_PIN, remember, reset_foot
+from footik_runtime.feet.record import HEEL_PIN, advance_switches, remember, reset_foot
 from footik_runtime.feet.target import ground_of, intend, settle
 from footik_runtime.ground import Caster, cast_native
-from footik_runtime.hips import move_hips, wanted_drop
+from footik_runtime.hips import move_hips, sway_hips, wanted_drop, wanted_raise
 from footik_runtime.inertia import smooth_step
 from footik_runtime.legs import pose_leg
 from footik_runtime.locomotion import (
@@ -40,12 +40,14 @@ from footik_runtime.math3d import (
     set4,
 )
 from footik_runtime.motion import sample_pose
+from footik_runtime.settings import REACH_BY_CURVE, REACH_BY_HEIGHT, REACH_BY_PHASE
 
 BLOCK = 32
 """Rows worked together."""
 
 _SLOWEST = 0.05  # a rate below it, or none, counts as this: what comes next stays at hand
 _MOST_SHIFT = 0.7  # m; how far a print may be from where the animation would put it
+_HIGH = 0.15  # m of an animated foot over the ground at which its rays are shortest
 _LONGEST_HALF = 1.0  # s; half of a contact that is looked ahead at most
 
 Tables = namedtuple(
@@ -105,7 +107,25 @@ def tell_foot(body, timing, part, fps, leg, at, turn, settings, told):
     told["to_release"] = (timing["to_release"] - part / fps) / rate
     told["progress"] = clamp(1.0 - ticks / max(timing["swing_time"], 1e-3), 0.0, 1.0)
     told["pitch"] = timing["pitch"]
+    told["lock"] = timing["lock"] if timing["lock"] >= 0 else int(settings["lock"])
+    told["below"] = ray_reach(told, timing, leg, settings)
     tell_place(body, timing, rate, leg, settings, told)
+
+
+@compiled
+def ray_reach(told, timing, leg, settings):
+    """How far under the ground that the body walks on a foot's rays reach, m."""
+    mode = settings["ray_reach"]
+    share = 1.0
+    if mode == REACH_BY_HEIGHT:
+        high = told["ankle"][2] - told["root_z"] - leg["height"]
+        share = 1.0 - smooth_step(high / (_HIGH * settings["size"]))
+    elif mode == REACH_BY_CURVE:
+        share = clamp(told["weight"], 0.0, 1.0)
+    elif mode == REACH_BY_PHASE:
+        share = 1.0 if timing["phase"] != 0 else 0.0
+    least = min(settings["ground_below_swing"], settings["ground_below"])
+    return least + share * (settings["ground_below"] - least)
 
 
 @compiled
@@ -155,8 +175,13 @@ def ask_row(body, feet, tables, at, turn, told, probes, dt, scene):
     for i in range(feet.shape[0]):
         leg = tables.legs[i]
         timing = tables.timing[body["frame"], i]
+        advance_switches(feet[i], dt, tables.settings)
         tell_foot(body, timing, body["part"], tables.fps, leg, at, turn, tables.settings, told[i])
         first = 1 + i * PROBES
+        if feet[i]["share"] == 0.0:
+            for k in range(first, first + PROBES):
+                probes[k]["active"] = 0
+            continue
         intend(
             feet[i], told[i], leg, others_locked(feet, i), dt, probes[first : first + PROBES],
             tables.settings, scene.at, scene.turn,
@@ -167,9 +192,12 @@ def ask_row(body, feet, tables, at, turn, told, probes, dt, scene):
 def settle_row(body, feet, tables, at, told, hits, dt, scene):
     """Hear every hit of one character: settle its feet, and move its hips."""
     hear_root(body, hits[0])
-    wanted, lowest = 0.0, math.inf
+    wanted, rise, lowest, count = 0.0, 0.0, math.inf, feet.shape[0]
+    x, y = 0.0, 0.0
     for i in range(feet.shape[0]):
-        leg = tables.legs[i]
+        leg, foot = tables.legs[i], feet[i]
+        if foot["share"] == 0.0:
+            continue
         first = 1 + i * PROBES
         settle(
             feet[i], told[i], leg, hits[first : first + PROBES], none_sets_out(feet, i), dt,
@@ -180,33 +208,52 @@ def settle_row(body, feet, tables, at, told, hits, dt, scene):
             body, feet[i], told[i], leg, get3(at[leg["hip"]]), timing, tables.settings,
             scene.at, scene.turn,
         )  # fmt: skip
-        wanted = max(wanted, drop)
+        share = smooth_step(foot["share"])
+        wanted = max(wanted, share * drop)
+        hip = get3(at[leg["hip"]])
+        rise = max(rise, share * wanted_raise(foot, leg, hip, tables.settings))
+        x += share * foot["weight"] * (foot["goal"][0] - told[i]["ankle"][0]) / count
+        y += share * foot["weight"] * (foot["goal"][1] - told[i]["ankle"][1]) / count
         lowest = min(lowest, ground_of(feet[i], scene.at, scene.turn))
     support_root(body, lowest, tables.settings)
-    move_hips(body, wanted, dt, tables.settings)
+    move_hips(body, wanted - rise, dt, tables.settings)
+    sway_hips(body, x, y, dt, tables.settings)
 
 
 @compiled
 def leg_row(body, feet, tables, root, local, at, turn, told, dt):
     """Lower the hips and solve the legs of one character, into its local rotations (J, 4)."""
     share = smooth_step(body["blend"])
-    drop = share * body["hip_drop"]
-    root[2] -= drop
+    any_foot = 0.0
+    for i in range(feet.shape[0]):
+        any_foot = max(any_foot, smooth_step(feet[i]["share"]))
+    hips = share * any_foot
+    moved = (hips * body["sway"][0], hips * body["sway"][1], -hips * body["hip_drop"])
+    still = moved[0] == 0.0 and moved[1] == 0.0 and moved[2] == 0.0
+    for k in range(3):
+        root[k] += moved[k]
     for i in range(feet.shape[0]):
         foot = feet[i]
+        if foot["share"] == 0.0 and still:
+            continue  # to the bit as it is animated
         goal, goal_turn = get3(foot["goal"]), get4(foot["goal_turn"])
-        if share < 1.0:
-            goal = lerp(get3(told[i]["ankle"]), goal, share)
-            goal_turn = quat_slerp(get4(told[i]["turn"]), goal_turn, share)
-        ankle, sole_turn, reached, missing, lift = pose_leg(
-            tables.legs[i], drop, goal, goal_turn, share * foot["heel_lift"],
-            share * foot["toes"], get3(foot["normal"]), tables.parents, tables.settings,
+        part = share * smooth_step(foot["share"])
+        if part < 1.0:
+            goal = lerp(get3(told[i]["ankle"]), goal, part)
+            goal_turn = quat_slerp(get4(told[i]["turn"]), goal_turn, part)
+        if foot["share"] == 0.0:
+            goal, goal_turn = get3(told[i]["ankle"]), get4(told[i]["turn"])
+        ankle, sole_turn, reached, missing, lift, stretch = pose_leg(
+            tables.legs[i], moved, goal, goal_turn, part * foot["heel_lift"],
+            part * foot["toes"], get3(foot["normal"]), tables.parents, tables.settings,
             local, at, turn,
         )  # fmt: skip
         foot["reached"], foot["missing"], foot["lifted"] = reached, missing, lift
-        if not reached or share < 1.0 or (lift > 0.0 and foot["pin"] == HEEL_PIN):
+        foot["stretch"] = stretch
+        if not reached or part < 1.0 or (lift > 0.0 and foot["pin"] == HEEL_PIN):
             foot["locked"] = 0  # a lift turns about the ball, and carries a held heel away
-        remember(foot, told[i], ankle, sole_turn, dt)
+        if foot["share"] > 0.0:
+            remember(foot, told[i], ankle, sole_turn, dt)
 
 
 # --- blocks of rows -----------------------------------------------------------------------------
@@ -239,6 +286,8 @@ def blend_row(body, feet, dt, settings):
 def start_anew(body, feet):
     """Feet and hips that know nothing yet: they begin where the animation has them."""
     body["fresh"], body["hip_drop"], body["hip_speed"] = 1, 0.0, 0.0
+    for k in range(2):
+        body["sway"][k], body["sway_speed"][k] = 0.0, 0.0
     for i in range(feet.shape[0]):
         reset_foot(feet[i])
 
@@ -301,8 +350,8 @@ def cast_rows(block, rows, caster):
     """Cast the probes of the first rows of a block."""
     for c in range(rows):
         cast_native(
-            caster.model, caster.data, caster.groups, caster.geom_body, block.probes[c],
-            block.hits[c], block.ray, block.geom_id,
+            caster.model, caster.data, caster.groups, caster.geom_body, caster.frame,
+            block.probes[c], block.hits[c], block.ray, block.geom_id,
         )  # fmt: skip
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -90,13 +90,17 @@ class Scene:
             self.terrain.move(self.model, self.data, time)
             mujoco.mj_kinematics(self.model, self.data)
 
-    def ground(self, groups: tuple[int, ...] | None = None) -> SceneGround:
+    def ground(
+        self, groups: tuple[int, ...] | None = None, *, passed: Sequence[str | int] = ()
+    ) -> SceneGround:
         """What rays see of this scene: these geom groups, or those of a crowd's settings.
 
-        Raises FootIKError where nothing but the character has geoms in these groups.
+        Never the character itself, nor the geoms in `passed`, by name or id. Raises FootIKError
+        where nothing else has geoms in these groups, or for a geom that there is not.
         """
-        seen = SceneGround(self.model, self.data, groups=groups)
         theirs = np.isin(self.model.geom_bodyid, self.character.bodies)
+        passed = [*passed, *(int(geom) for geom in np.flatnonzero(theirs))]
+        seen = SceneGround(self.model, self.data, groups=groups, passed=passed)
         there = self.model.geom_group[~theirs]
         if not np.isin(there, seen.groups).any():
             names = [f"{group} ({(there == group).sum()})" for group in np.unique(there)]

@@ -20,6 +20,9 @@ _LENGTHS = (
     "stride_distance",
     "ground_above",
     "ground_below",
+    "ground_below_swing",
+    "max_hip_raise",
+    "max_hip_speed",
     "largest_step",
     "foothold_shift",
     "foothold_lead",
@@ -73,7 +76,23 @@ class FootIKSettings:
         hip_look_ahead: s before a plant in which the hips begin to drop for it.
         hip_let_go: s before a release in which the hips cease to drop for it.
         root_half_life: s, of the spring that carries the root over the ground.
-        blend_time: s in which foot IK is switched on or off.
+        blend_time: s in which foot IK, or one foot's, is switched on or off: from FK to IK.
+        lock: what a planted foot keeps, where the clip has no lock curve: "full", "ball", "ankle"
+            or "unlocked", see `LOCKS`.
+        max_twist_deg: degrees that a planted foot is turned against the animated one at most.
+        ray_reach: how far down rays look: "fixed": `ground_below`; "height": the less the higher
+            the animated foot is; "curve": by its IK weight; "phase": all the way in contact only.
+        ground_below_swing: m to which they reach at the least.
+        hips: whether the hips move at all.
+        hip_damping: of their springs: 1 is critical, less swings, more creeps.
+        max_hip_speed: m/s of the hips against the animation.
+        max_hip_raise: m that the hips rise at most, for a leg that would be too short.
+        min_leg: part of its length that no leg shall be shorter than.
+        hip_balance: how far the hips go sideways with the support, 0 to 1.
+        knee_toe: how far the knee turns to where the toes point, 0 to 1.
+        knee_out_deg: degrees that the knees are turned outward.
+        max_knee_twist_deg: degrees that the knee is turned against the animation at most.
+        max_stretch: how many times its length a leg may have, before its goal is given up.
         groups: geom groups that rays see, 0 to 5, one or more; a crowd's ground sees these.
         max_hip_foot: openkcc only: m, its max hip-foot distance.
         foot_height: openkcc only: m of the foot joint over the ground.
@@ -115,6 +134,20 @@ class FootIKSettings:
     hip_let_go: float = 0.23
     root_half_life: float = 0.1
     blend_time: float = 0.3
+    lock: Literal["full", "ball", "ankle", "unlocked"] = "full"
+    max_twist_deg: float = 60.0
+    ray_reach: Literal["fixed", "height", "curve", "phase"] = "fixed"
+    ground_below_swing: float = 0.2
+    hips: bool = True
+    hip_damping: float = 1.0
+    max_hip_speed: float = 4.0
+    max_hip_raise: float = 0.2
+    min_leg: float = 0.3
+    hip_balance: float = 0.0
+    knee_toe: float = 0.0
+    knee_out_deg: float = 0.0
+    max_knee_twist_deg: float = 45.0
+    max_stretch: float = 1.0
     groups: tuple[int, ...] = (0,)
     max_hip_foot: float = 0.85
     foot_height: float = 0.05
@@ -135,10 +168,13 @@ class FootIKSettings:
                 f"weight_off ({self.weight_off:g}) must be less than weight_on "
                 f"({self.weight_on:g}), or a foot would be placed and released every frame."
             )
-        if not isinstance(self.correct_overlap, (bool, np.bool_)):
-            raise FootIKError(
-                f"setting correct_overlap must be True or False, not {self.correct_overlap!r}."
-            )
+        for name in _SWITCHES:
+            value = getattr(self, name)
+            if not isinstance(value, (bool, np.bool_)):
+                raise FootIKError(f"setting {name} must be True or False, not {value!r}.")
+        for name, choices in CHOICES.items():
+            if getattr(self, name) not in choices:
+                raise unknown_name(name, str(getattr(self, name)), choices)
         object.__setattr__(self, "groups", checked_groups(self.groups))
 
     @classmethod
@@ -185,6 +221,8 @@ class FootIKSettings:
         for name in SETTINGS.names or ():
             if name == "size":
                 out[name] = size
+            elif name in CHOICES:
+                out[name] = CHOICES[name].index(getattr(self, name))
             elif name + "_deg" in RANGES:
                 out[name] = math.radians(getattr(self, name + "_deg"))
             else:
@@ -251,15 +289,36 @@ RANGES: dict[str, tuple[float, float]] = {
     "hip_let_go": (0.001, 2.0),
     "root_half_life": (0.0, 5.0),
     "blend_time": (0.0, 5.0),
+    "max_twist_deg": (0.0, 180.0),
+    "ground_below_swing": (0.0, 10.0),
+    "hip_damping": (0.1, 5.0),
+    "max_hip_speed": (0.01, 100.0),
+    "max_hip_raise": (0.0, 5.0),
+    "min_leg": (0.0, 0.9),
+    "hip_balance": (0.0, 1.0),
+    "knee_toe": (0.0, 1.0),
+    "knee_out_deg": (-90.0, 90.0),
+    "max_knee_twist_deg": (0.0, 180.0),
+    "max_stretch": (1.0, 1.5),
     "max_hip_foot": (0.01, 10.0),
     "foot_height": (0.0, 1.0),
     "hip_smooth_time": (0.0, 10.0),
     "overlap_time": (0.0, 5.0),
 }
 
+_SWITCHES = ("correct_overlap", "hips")
+
+FIXED_REACH, REACH_BY_HEIGHT, REACH_BY_CURVE, REACH_BY_PHASE = range(4)
+
+CHOICES: dict[str, tuple[str, ...]] = {
+    "lock": ("full", "ball", "ankle", "unlocked"),
+    "ray_reach": ("fixed", "height", "curve", "phase"),
+}
+"""Settings that are one of a few names; their records hold its number."""
+
 SETTINGS = np.dtype(
     [(name.removesuffix("_deg"), "f8") for name in RANGES]
-    + [("correct_overlap", "f8"), ("size", "f8")],
+    + [(name, "f8") for name in (*_SWITCHES, *CHOICES, "size")],
     align=True,
 )
 """`FootIKSettings` for compiled code: lengths scaled, angles in radians; size: leg / 0.85 m."""

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from footik_runtime.character import stretched_offsets
 from footik_runtime.crowd import Crowd, stays_in_place
 from footik_runtime.errors import FootIKError
 from footik_runtime.feet.record import GROUNDED, ON_HEEL
@@ -178,6 +179,8 @@ class _Tape:
         moves = None
         if self._scene.motion.translations.shape[0]:
             moves = crowd.block.moves[:1]
+        elif crowd.settings.max_stretch > 1.0:
+            moves = stretched_offsets(rig, crowd.feet[0]["stretch"])[None]
         positions, turns = rig.skeleton.forward(rotations[None], root[None], moves)
         self._joints[frame] = positions[0]
         self._sole[frame] = all_sole_points(rig, positions, turns)[0]

@@ -29,7 +29,7 @@ Height = Callable[[float, float], float]
 def answered(height: Height, yaw: float = 0.0, lift=LIFT):
     """Hits of the probes of a step from the origin to x = 0.7, over ground of this height."""
     probes, hits = np.zeros(STEP_PROBES, dtype=PROBE), np.zeros(STEP_PROBES, dtype=HIT)
-    ask_for_step(probes, lift, PLACE, 0.0, yaw, 0.0, SOLE["half_width"], SETTINGS[()])
+    ask_for_step(probes, lift, PLACE, 0.0, yaw, 0.0, 0.6, SOLE["half_width"], SETTINGS[()])
     assert (probes["active"] == 1).all()
     for probe, hit in zip(probes, hits, strict=True):
         x, y, top = probe["origin"]

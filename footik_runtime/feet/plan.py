@@ -8,7 +8,7 @@ from footik_runtime.feet.foothold import choose_foothold
 from footik_runtime.feet.footprint import UP, to_body
 from footik_runtime.feet.profile import STEP_PROBES, ask_for_step
 from footik_runtime.feet.record import ASKED, ASKED_AGAIN, NOWHERE, PLANNED
-from footik_runtime.math3d import get3, get4, rotate, set3, set4
+from footik_runtime.math3d import get3, get4, quat_heading, rotate, set3, set4
 
 PROBES = 1 + STEP_PROBES
 """Probes of a foot: one that watches the ground of its print, and those of a foothold."""
@@ -21,7 +21,22 @@ def ask(foot, told, leg, lift, probes, settings):
     x, y, yaw = told["place"][0], told["place"][1], told["yaw"]
     foot["plan_place"][0], foot["plan_place"][1], foot["plan_yaw"] = x, y, yaw
     foot["plan_ref"] = told["root_z"]
-    ask_for_step(probes[1:], lift, x, y, yaw, told["root_z"], leg["half_width"], settings)
+    ask_for_step(
+        probes[1:], lift, x, y, yaw, told["root_z"], told["below"], leg["half_width"], settings
+    )
+
+
+@compiled
+def ask_under(foot, told, leg, probes, settings):
+    """Ask for a foothold right under the animated foot."""
+    x, y = told["ankle"][0], told["ankle"][1]
+    foot["plan"], foot["plan_place"][0], foot["plan_place"][1] = ASKED, x, y
+    foot["plan_yaw"], foot["plan_ref"] = quat_heading(get4(told["turn"])), told["root_z"]
+    set3(foot["lift"], (x, y, told["root_z"]))
+    ask_for_step(
+        probes[1:], get3(foot["lift"]), x, y, foot["plan_yaw"], told["root_z"], told["below"],
+        leg["half_width"], settings,
+    )  # fmt: skip
 
 
 @compiled

@@ -45,15 +45,16 @@ def most_climb(dx, dy, settings):
 
 
 @compiled
-def ask_for_step(probes, lift, place_x, place_y, yaw, ref_z, half_width, settings):
+def ask_for_step(probes, lift, place_x, place_y, yaw, ref_z, below, half_width, settings):
     """Write the probes (STEP_PROBES,) of a step from `lift` (3,) to a print at place, yaw.
 
-    `ref_z` is the height of the ground that the body walks on, about which rays are cast.
+    `ref_z` is the height of the ground that the body walks on, about which rays are cast; they
+    reach `below` under it, m.
     """
     # The further the step, the higher and lower its ground may be.
     climb = most_climb(place_x - lift[0], place_y - lift[1], settings)
     top = max(ref_z, lift[2]) + settings["ground_above"] + climb
-    length = top - min(ref_z, lift[2]) + settings["ground_below"] + climb
+    length = top - min(ref_z, lift[2]) + below + climb
     for k in range(PATH):
         f = (k + 1.0) / (PATH + 1.0)
         x = lift[0] + (place_x - lift[0]) * f

@@ -7,7 +7,8 @@ import math
 from footik_runtime.compiled import compiled
 from footik_runtime.feet.carry import carry_over, with_offset
 from footik_runtime.feet.footprint import UP, planted, print_of, stance_pitch, to_world
-from footik_runtime.feet.plan import ask, plan_moved
+from footik_runtime.feet.lock import loose
+from footik_runtime.feet.plan import ask, ask_under, plan_moved
 from footik_runtime.feet.record import GROUNDED
 from footik_runtime.inertia import smooth_bump, smooth_step
 from footik_runtime.math3d import (
@@ -31,6 +32,15 @@ FORCED = 2.0  # times the stride distance at which a foot steps whatever the oth
 
 
 @compiled
+def take_foothold(foot):
+    """The planned foothold is the foot's print."""
+    set3(foot["hold"], get3(foot["land"]))
+    set4(foot["hold_turn"], get4(foot["land_turn"]))
+    foot["floor"], foot["body"], foot["watched"] = foot["land_floor"], foot["land_body"], 0
+    foot["landed"] = foot["landing"]
+
+
+@compiled
 def start_stride(foot, bump, age, duration):
     """Set out for the planned foothold: from the swing, or, in a bump, from the present print.
 
@@ -40,11 +50,8 @@ def start_stride(foot, bump, age, duration):
         set3(foot["from"], get3(foot["hold"]))
         set4(foot["from_turn"], get4(foot["hold_turn"]))
         foot["from_body"] = foot["body"]
-    set3(foot["hold"], get3(foot["land"]))
-    set4(foot["hold_turn"], get4(foot["land_turn"]))
-    foot["floor"], foot["body"] = foot["land_floor"], foot["land_body"]
-    foot["landed"] = foot["landing"]
-    foot["state"], foot["bump"], foot["watched"] = GROUNDED, bump, 0
+    take_foothold(foot)
+    foot["state"], foot["bump"] = GROUNDED, bump
     foot["stride_age"], foot["stride_time"] = age, duration
 
 
@@ -70,6 +77,12 @@ def intend_bump(foot, told, leg, may_bump, probes, settings, bodies_at, bodies_t
         return
     if foot["weight"] < 1.0:
         return
+    if loose(foot) == 1.0:
+        here, _ = print_of(foot, bodies_at, bodies_turn)
+        x, y = told["ankle"][0] - here[0], told["ankle"][1] - here[1]
+        if x * x + y * y > settings["replan_distance"] ** 2:
+            ask_under(foot, told, leg, probes, settings)
+        return
     far = astray(foot, told, leg, settings, bodies_at, bodies_turn)
     if far >= FORCED or (far >= 1.0 and may_bump):
         # A bump stride lifts off its print, not where the last swing did.
@@ -88,10 +101,7 @@ def bump_to_plan(foot, told, leg, may_set_out, dt, settings, bodies_at, bodies_t
             carry_over_lift(foot, settings["stride_time"], dt, settings)
             start_stride(foot, 1, 0.0, settings["stride_time"])
         return
-    set3(foot["hold"], get3(foot["land"]))
-    set4(foot["hold_turn"], get4(foot["land_turn"]))
-    foot["floor"], foot["body"], foot["watched"] = foot["land_floor"], foot["land_body"], 0
-    foot["landed"] = foot["landing"]
+    take_foothold(foot)
     now, _ = bump_pose(foot, told["turn"], leg, settings, bodies_at, bodies_turn)
     age = foot["stride_age"]
     foot["stride_age"] = max(age - dt, 0.0)

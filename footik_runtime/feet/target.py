@@ -15,12 +15,15 @@ import math
 
 from footik_runtime.compiled import compiled
 from footik_runtime.feet.carry import carry_over, with_offset
-from footik_runtime.feet.footprint import UP, planted, print_of, stance_pitch, to_body
+from footik_runtime.feet.footprint import UP, print_of, stance_pitch, to_body
+from footik_runtime.feet.lock import loose, stance
 from footik_runtime.feet.plan import PROBES, ask, hear_foothold, plan_moved
 from footik_runtime.feet.record import (
+    ANKLE_LOCK,
     ASKED,
     ASKED_AGAIN,
     BALL_PIN,
+    FULL_LOCK,
     GROUNDED,
     HEEL_PIN,
     NO_PIN,
@@ -31,7 +34,14 @@ from footik_runtime.feet.record import (
     RELEASED,
     TOES_DOWN,
 )
-from footik_runtime.feet.stride import FORCED, bump_pose, bump_to_plan, intend_bump, start_stride
+from footik_runtime.feet.stride import (
+    FORCED,
+    bump_pose,
+    bump_to_plan,
+    intend_bump,
+    start_stride,
+    take_foothold,
+)
 from footik_runtime.feet.swing import follow_swing, landing, set_down, swing_progress, swinging
 from footik_runtime.inertia import smooth_step
 from footik_runtime.math3d import (
@@ -60,8 +70,8 @@ _LONGEST_LEAD = 0.6  # part of a swing in which its foot may be set down
 def release(foot, told, leg, dt, settings, bodies_at, bodies_turn):
     """Let go of the ground: the foot swings from its print back to the animation."""
     point, turn = print_of(foot, bodies_at, bodies_turn)
-    now, _ = planted(point, turn, stance_pitch(foot, get4(told["turn"]), settings), leg)
-    before, _ = planted(point, turn, stance_pitch(foot, get4(foot["anim_turn"]), settings), leg)
+    now, _ = stance(foot, told["ankle"], told["turn"], leg, settings, bodies_at, bodies_turn)
+    before, _ = stance(foot, foot["anim"], foot["anim_turn"], leg, settings, bodies_at, bodies_turn)
     set3(foot["rolled"], sub(now, before))
     set3(foot["lift"], point)
     set4(foot["lift_turn"], turn)
@@ -142,7 +152,7 @@ def intend(foot, told, leg, may_bump, dt, probes, settings, bodies_at, bodies_tu
         release(foot, told, leg, dt, settings, bodies_at, bodies_turn)
     if foot["state"] == GROUNDED:
         point, _ = print_of(foot, bodies_at, bodies_turn)
-        length = settings["ground_above"] + settings["ground_below"]
+        length = settings["ground_above"] + told["below"]
         set_probe(probes[0], add_scaled(point, UP, settings["ground_above"]), _DOWN, length)
         intend_bump(foot, told, leg, may_bump, probes, settings, bodies_at, bodies_turn)
         return
@@ -198,12 +208,35 @@ def watch_ground(foot, told, hit, leg, dt, settings, bodies_at, bodies_turn):
     set3(foot["hold"], held)
     set4(foot["hold_turn"], held_turn)
     if abs(moved) > 1e-9:
-        pitch = stance_pitch(foot, get4(foot["anim_turn"]), settings)
-        base, base_turn = planted(point, turn, pitch, leg)
-        carry_over(
-            foot, get3(foot["out"]), get3(foot["out_speed"]), base, base_turn,
-            settings["settle_time"], dt, settings,
-        )  # fmt: skip
+        carry_over_stance(foot, leg, dt, settings, bodies_at, bodies_turn)
+
+
+@compiled
+def carry_over_stance(foot, leg, dt, settings, bodies_at, bodies_turn):
+    """Carry over to the stance as it is now defined, from wherever the foot was last frame."""
+    base, base_turn = stance(
+        foot, foot["anim"], foot["anim_turn"], leg, settings, bodies_at, bodies_turn
+    )
+    carry_over(
+        foot, get3(foot["out"]), get3(foot["out_speed"]), base, base_turn,
+        settings["settle_time"], dt, settings,
+    )  # fmt: skip
+
+
+@compiled
+def take_lock(foot, told, leg, dt, settings, bodies_at, bodies_turn):
+    """Take the lock that the foot is told; what it changes is carried over."""
+    before, foot["lock"] = foot["lock"], told["lock"]
+    changed = before >= 0 and before != told["lock"]
+    if changed and foot["state"] == GROUNDED and foot["bump"] == 0:
+        carry_over_stance(foot, leg, dt, settings, bodies_at, bodies_turn)
+
+
+@compiled
+def move_print(foot, leg, dt, settings, bodies_at, bodies_turn):
+    """Take the planned foothold for the print of a foot that goes over the ground as it likes."""
+    take_foothold(foot)
+    carry_over_stance(foot, leg, dt, settings, bodies_at, bodies_turn)
 
 
 @compiled
@@ -213,6 +246,7 @@ def settle(foot, told, leg, hits, may_set_out, dt, settings, bodies_at, bodies_t
     `may_set_out`: no other foot began a bump stride in this frame. Feet ask before any is answered,
     so both may have asked at once.
     """
+    take_lock(foot, told, leg, dt, settings, bodies_at, bodies_turn)
     again = foot["plan"] == ASKED_AGAIN
     asked = again or foot["plan"] == ASKED
     if asked:
@@ -231,7 +265,10 @@ def settle(foot, told, leg, hits, may_set_out, dt, settings, bodies_at, bodies_t
     else:
         watch_ground(foot, told, hits[0], leg, dt, settings, bodies_at, bodies_turn)
         if foot["state"] == GROUNDED and asked and foot["plan"] == PLANNED:
-            bump_to_plan(foot, told, leg, may_set_out, dt, settings, bodies_at, bodies_turn)
+            if loose(foot) == 1.0 and foot["bump"] == 0:
+                move_print(foot, leg, dt, settings, bodies_at, bodies_turn)
+            else:
+                bump_to_plan(foot, told, leg, may_set_out, dt, settings, bodies_at, bodies_turn)
     write_goal(foot, told, leg, settings, bodies_at, bodies_turn)
 
 
@@ -241,9 +278,9 @@ def grounded_pose(foot, told, leg, settings, bodies_at, bodies_turn):
     if foot["bump"]:
         return bump_pose(foot, told["turn"], leg, settings, bodies_at, bodies_turn)
     ankle, turn, root_z = get3(told["ankle"]), get4(told["turn"]), told["root_z"]
-    pitch = stance_pitch(foot, turn, settings)
-    point, print_turn = print_of(foot, bodies_at, bodies_turn)
-    base, base_turn = planted(point, print_turn, pitch, leg)
+    base, base_turn = stance(
+        foot, told["ankle"], told["turn"], leg, settings, bodies_at, bodies_turn
+    )
     if foot["weight"] >= 1.0:
         return base, base_turn
     t = foot["stride_age"] / foot["stride_time"] if foot["stride_time"] > 0.0 else 1.0
@@ -288,7 +325,12 @@ def write_goal(foot, told, leg, settings, bodies_at, bodies_turn):
             foot["heel_lift"] = smooth_step(stood)
             heel = stance_pitch(foot, turn, settings) > 0.0
             foot["pin"] = HEEL_PIN if heel else BALL_PIN
-            foot["locked"] = 1 if foot["offset_age"] >= foot["offset_time"] else 0
+            held = foot["offset_age"] >= foot["offset_time"] and loose(foot) == 0.0
+            foot["locked"] = 1 if held else 0
+            if foot["lock"] != FULL_LOCK:
+                foot["pin"] = BALL_PIN
+                if foot["lock"] == ANKLE_LOCK and foot["locked"]:
+                    foot["locked"] = 0  # the point that is held is none of the sole's
         if foot["landed"] != ON_HEEL:
             foot["heel_lift"] = foot["weight"]
         base, base_turn = grounded_pose(foot, told, leg, settings, bodies_at, bodies_turn)
