@@ -209,8 +209,8 @@ def pose_foot(foot, leg, drop, goal, tables, local, at, turn):
     wanted_turn = sole
     if goal["rotation_weight"] > 0.0:
         wanted_turn = quat_nlerp(sole, get4(goal["rotation"]), goal["rotation_weight"])
-    came_to, came_turn, reached, missing, _ = pose_leg(
-        leg, drop, wanted, wanted_turn, 0.0, 0.0, (0.0, 0.0, 1.0), tables.parents,
+    came_to, came_turn, reached, missing, _, _ = pose_leg(
+        leg, (0.0, 0.0, -drop), wanted, wanted_turn, 0.0, 0.0, (0.0, 0.0, 1.0), tables.parents,
         tables.settings, local, at, turn,
     )  # fmt: skip
     set3(foot["goal"], wanted)
