@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from footik_runtime.character import Character
 from footik_runtime.crowd import Crowd, check_dt
 from footik_runtime.errors import FootIKError, unknown_name
 from footik_runtime.feet.footprint import to_world
@@ -59,8 +60,18 @@ class FootTarget:
 
     @property
     def reached(self) -> bool:
-        """Whether the leg came to the goal, within 0.01 mm."""
+        """Whether the leg came to the goal, within 0.01 mm; a robot's foot also turned as it."""
         return bool(self._record["reached"])
+
+    @property
+    def missing(self) -> float:
+        """How far the foot is off its goal, m: where a point of its sole is held, that point."""
+        return float(self._record["missing"])
+
+    @property
+    def turned_off(self) -> float:
+        """By what angle the limits of a robot's joints keep the foot turned off its goal, rad."""
+        return float(self._record["turned_off"])
 
     @property
     def goal_w(self) -> Array:
@@ -125,6 +136,7 @@ class HumanoidFootIK:
             FootTarget(leg.name, self.crowd.feet[0, i : i + 1].reshape(()), scene)
             for i, leg in enumerate(legs)
         )
+        self._hinges = scene.hinge_pose()
         self._time = 0.0
         self._qpos = scene.data.qpos.copy()
         self.place(np.asarray(scene.terrain.start_w))
@@ -216,7 +228,10 @@ class HumanoidFootIK:
 
     def _write(self, dt: float) -> None:
         model, data, character = self.scene.model, self.scene.data, self.scene.character
-        character.write_pose(data, self.crowd.roots[0], self.crowd.rotations[0])
+        if self._hinges is not None:
+            self._hinges.write(data, self.crowd, dt)
+        elif isinstance(character, Character):
+            character.write_pose(data, self.crowd.roots[0], self.crowd.rotations[0])
         # From the pose written last, not from what mj_step made of it since.
         character.write_pose_velocity(model, data, self._qpos, dt)
         self._qpos[:] = data.qpos

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
+import mujoco
 import tyro
 
 from footik_runtime.clip import Clip
@@ -16,7 +17,8 @@ from footik_runtime.errors import FootIKError
 from footik_runtime.files import require_writable, write_whole
 from footik_runtime.formats import SUFFIXES, load_clip
 from footik_runtime.formats.gltf import read_animations
-from footik_runtime.formats.qpos import rig_of
+from footik_runtime.formats.qpos import read_model, rig_of
+from footik_runtime.hinge_character import has_hinges
 from footik_runtime.progress import Progress
 from footik_runtime.rig import Rig, find_rig
 
@@ -63,6 +65,22 @@ class Reading:
         if self.legs:
             return find_rig(clip.skeleton, legs=dict(_leg(text) for text in self.legs))
         return rig_of(clip) or find_rig(clip.skeleton)
+
+
+def robot_model(reading: Reading, clip: Clip) -> mujoco.MjModel | None:
+    """The model of a clip of joint values, where its legs are of hinges; None otherwise.
+
+    Raises FootIKError where legs of hinges are given by name: a robot's model tells of them.
+    """
+    rig = rig_of(clip)
+    if reading.model is None or rig is None:
+        return None
+    model = read_model(reading.model)
+    if not has_hinges(model, rig):
+        return None
+    if reading.legs:
+        raise FootIKError("--legs: the legs of a robot are found in its model; leave it out.")
+    return model
 
 
 ReadingOptions = tyro.conf.OmitArgPrefixes[Reading]

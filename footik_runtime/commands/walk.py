@@ -11,10 +11,12 @@ import numpy as np
 import tyro
 
 from footik_runtime.builtin import GAITS, HUMANOID, builtin_motion
-from footik_runtime.commands.files import Reading, ReadingOptions, write_json
+from footik_runtime.commands.files import Reading, ReadingOptions, robot_model, write_json
 from footik_runtime.errors import unknown_name
 from footik_runtime.files import require_writable, write_whole
 from footik_runtime.ground import ABOVE, REACH
+from footik_runtime.hinge_character import HingeCharacter
+from footik_runtime.hinge_values import hinge_motion
 from footik_runtime.metrics import as_json, format_table, score
 from footik_runtime.motion import Motion
 from footik_runtime.phases import Phase
@@ -114,6 +116,9 @@ def _motion(
     if clip is None:
         return builtin_motion(gait, speed=speed), HUMANOID
     loaded = reading.clip(clip)
+    robot = robot_model(reading, loaded)
+    if robot is not None:
+        return hinge_motion(loaded, robot), reading.model
     return Motion.prepare(loaded, reading.rig(loaded)), None
 
 
@@ -134,7 +139,18 @@ def _score(
         contact = recording.phases != Phase.SWING
         held = recording.feet["locked"][contact].astype(bool)
         table[name]["contact held still, %"] = 100.0 * float(held.mean()) if contact.any() else 0.0
+        if isinstance(scene.character, HingeCharacter):
+            for label, field, unit in _MISSED:
+                missed = unit * float(recording.feet[field].max())
+                table[name][label] = missed if name == WITH else float("nan")
     return table
+
+
+_MISSED = (
+    ("goal missed, largest, mm", "missing", 1e3),
+    ("goal missed, largest, deg", "turned_off", 180.0 / np.pi),
+)
+"""Label, field of a foot's record, and its unit: what a robot's limits leave of its goals."""
 
 
 def _heading(motion: Motion, terrain: str, seconds: float, fps: float, preset: str) -> str:
@@ -159,7 +175,10 @@ def _write_run(path: Path, motion: Motion, recording: Recording) -> None:
         "sole_points": recording.run.sole,
         "ground_heights": recording.run.ground,
     }
-    for name in ("state", "bump", "weight", "locked", "pin", "reached", "goal", "goal_turn"):
+    for name in (
+        "state", "bump", "weight", "locked", "pin", "reached", "missing", "turned_off",
+        "goal", "goal_turn",
+    ):  # fmt: skip
         arrays[f"foot_{name}"] = feet[name]
     buffer = io.BytesIO()
     np.savez_compressed(buffer, **arrays)

@@ -64,6 +64,7 @@ FOOT = np.dtype(
         ("locked", "i4"),
         ("reached", "i4"),
         ("missing", "f8"),
+        ("turned_off", "f8"),
     ],
     align=True,
 )
@@ -80,7 +81,8 @@ out*: last frame's animated ankle and final ankle, with the final one's velocity
 of the ankle and sole, world; normal: of the plane it stands on, or left; toes: how flat the toes
 lie on it, toes_left: when it was released; heel_lift: 0 to 1, how far its heel may lift to reach.
 pin: the sole point that is held; locked: and still. reached: whether the leg came to the goal;
-missing: by how much not, m.
+missing: by how much not, m; turned_off: by what angle the limits of a robot's joints keep the foot
+turned off it, rad.
 """
 
 FOOT_INPUT = np.dtype(
@@ -118,7 +120,7 @@ def reset_foot(foot):
     foot["weight"], foot["plan"], foot["known"] = 0.0, NO_PLAN, 0
     foot["pin"], foot["locked"], foot["offset_time"] = NO_PIN, 0, 0.0
     foot["air_age"], foot["spent"] = 1e9, 0
-    foot["reached"], foot["missing"] = 1, 0.0
+    foot["reached"], foot["missing"], foot["turned_off"] = 1, 0.0, 0.0
     foot["toes"], foot["toes_left"] = 0.0, 0.0
 
 
