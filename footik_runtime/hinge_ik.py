@@ -31,9 +31,15 @@ from footik_runtime.math3d import (
 )
 
 ROUNDS = 40
-TURN_WEIGHT = 1e-3
-"""Of a leg's length: what a radian off weighs beside a metre off. Squared, it is what the place
-gives up for the rotation: a micrometre a metre of leg."""
+_TURN_WEIGHT = 0.03
+"""Of a leg's length: what a radian off weighs beside a metre off, where a leg has hinges enough. At
+a limit, or out of reach, so much place is given up for the rotation: 0.1 mm for 10 degrees. Much
+less would twist a straight leg around for a millimetre."""
+
+_FEW_TURN_WEIGHT = 1e-3
+"""The same where it has too few: the place goes first, to a micrometre."""
+
+_ENOUGH = 6  # hinges for a place and a rotation
 
 _LEAST_DAMPING, _MOST_DAMPING = 1e-9, 1e3  # of the largest square in the Jacobian
 _LARGEST_STEP = 0.3  # rad a round: the nearest solution, not one around a corner
@@ -79,6 +85,20 @@ def new_work(hinges: int) -> Work:
         trial=np.zeros(most),
         stuck=np.zeros(most, dtype=np.int32),
     )
+
+
+@compiled
+def goal_weights(hinges, length, point):
+    """What a metre off its place and a radian off its rotation weigh for the foot of a leg.
+
+    Args:
+        hinges: how many the leg has.
+        length: of the leg, m.
+        point: whether the foot is a point, whose rotation is nothing to ask for.
+    """
+    if point:
+        return (1.0, 0.0)
+    return (1.0, length * (_TURN_WEIGHT if hinges >= _ENOUGH else _FEW_TURN_WEIGHT))
 
 
 @compiled

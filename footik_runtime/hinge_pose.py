@@ -17,7 +17,7 @@ from footik_runtime.compiled import compiled
 from footik_runtime.crowd import Crowd
 from footik_runtime.feet.record import BALL_PIN, HEEL_PIN
 from footik_runtime.hinge_character import HingeCharacter
-from footik_runtime.hinge_ik import TURN_WEIGHT, clamp_hinges, forward_hinges, new_work
+from footik_runtime.hinge_ik import clamp_hinges, forward_hinges, goal_weights, new_work
 from footik_runtime.hinge_ik import solve_hinges as solve
 from footik_runtime.hinge_values import joint_values
 from footik_runtime.inertia import smooth_step
@@ -44,7 +44,7 @@ from footik_runtime.motion import Motion
 
 Array = NDArray[np.float64]
 
-_REACHED = 1e-5  # of the leg's length, as of any leg
+_REACHED = 1.5e-4  # of the leg's length, 0.1 mm for a robot of human size
 _TURNED = 1e-3  # rad: a foot turned off by less is where it shall be
 _POINT_HALF_LIFE = 0.02  # s, in which the point that is held moves along the sole to the next
 _CORRECTION_HALF_LIFE = 0.5  # s: hinges that nothing asks for drift back to the motion's angles
@@ -118,7 +118,7 @@ def _solve_leg(i, root, root_turn, target, sole_turn, robot, held, keep):
     on_sole = get3(held.points[i])
     point = add(get3(part["tail"]), rotate(to_sole, on_sole))
     goal = (add(target, rotate(sole_turn, on_sole)), quat_mul(sole_turn, quat_conj(to_sole)))
-    weights = (1.0, 0.0 if part["point"] else TURN_WEIGHT * leg["length"])
+    weights = goal_weights(count - trunk, leg["length"], part["point"])
     own = chain[trunk:count]
     solve(own, angles[trunk:count], base, point, goal, weights, held.work)
     for h in range(trunk, count):

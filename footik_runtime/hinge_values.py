@@ -18,9 +18,9 @@ from footik_runtime.compiled import compiled
 from footik_runtime.errors import FootIKError
 from footik_runtime.hinge_character import HingeCharacter
 from footik_runtime.hinge_ik import (
-    TURN_WEIGHT,
     clamp_hinges,
     forward_hinges,
+    goal_weights,
     new_work,
     solve_hinges,
 )
@@ -53,7 +53,7 @@ def _fit_leg(leg, chain, length, root, root_turn, ankle, ankle_turn, angles, val
         angles[h] = values[chain[h]["column"]]
     base = forward_hinges(chain[:trunk], angles[:trunk], root, root_turn, work.axes, work.anchors)
     goal = (ankle, quat_mul(ankle_turn, quat_conj(get4(leg["tail_turn"]))))
-    weights = (1.0, 0.0 if leg["point"] else TURN_WEIGHT * length)
+    weights = goal_weights(count - trunk, length, leg["point"])
     own = angles[trunk:count]
     solve_hinges(chain[trunk:count], own, base, get3(leg["tail"]), goal, weights, work)
     for h in range(trunk, count):

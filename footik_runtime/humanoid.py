@@ -60,7 +60,7 @@ class FootTarget:
 
     @property
     def reached(self) -> bool:
-        """Whether the leg came to the goal, within 0.01 mm; a robot's foot also turned as it."""
+        """Whether the leg came to the goal, within 0.01 mm; a robot's within 0.1."""
         return bool(self._record["reached"])
 
     @property
