@@ -156,10 +156,9 @@ def place_feet(body, feet, root, root_turn, robot, held, dt):
     stay = 0.5 ** (dt / _POINT_HALF_LIFE)
     for i in range(feet.shape[0]):
         foot, leg = feet[i], robot.feet[i]
-        set3(
-            held.points[i],
-            lerp(_sole_point(leg, foot["pin"]), get3(held.points[i]), stay),
-        )
+        if not robot.legs[i]["point"]:
+            pinned = _sole_point(leg, foot["pin"])
+            set3(held.points[i], lerp(pinned, get3(held.points[i]), stay))
         goal, target, wanted_turn = _wanted(body, foot, leg, robot.legs[i]["point"])
         ankle, turn = _solve_leg(i, root, root_turn, target, wanted_turn, robot, held, keep)
         _tell_foot(
