@@ -17,8 +17,13 @@ from footik_runtime.compiled import compiled
 from footik_runtime.crowd import Crowd
 from footik_runtime.feet.record import BALL_PIN, HEEL_PIN
 from footik_runtime.hinge_character import HingeCharacter
-from footik_runtime.hinge_ik import clamp_hinges, forward_hinges, goal_weights, new_work
-from footik_runtime.hinge_ik import solve_hinges as solve
+from footik_runtime.hinge_ik import (
+    clamp_hinges,
+    forward_hinges,
+    goal_weights,
+    new_work,
+    solve_hinges,
+)
 from footik_runtime.hinge_values import joint_values
 from footik_runtime.inertia import smooth_step
 from footik_runtime.legs import leg_records
@@ -45,6 +50,7 @@ from footik_runtime.motion import Motion
 Array = NDArray[np.float64]
 
 _REACHED = 1.5e-4  # of the leg's length, 0.1 mm for a robot of human size
+_NEARER = 0.25  # of the square of what is missing: a leg changes its mind for no less
 _TURNED = 1e-3  # rad: a foot turned off by less is where it shall be
 _POINT_HALF_LIFE = 0.02  # s, in which the point that is held moves along the sole to the next
 _CORRECTION_HALF_LIFE = 0.5  # s: hinges that nothing asks for drift back to the motion's angles
@@ -53,10 +59,10 @@ Robot = namedtuple("Robot", "hinges legs chains feet root_level table")
 """What does not change: of a `HingeCharacter`, its `LEG` records (L,), the root's rotation at rest
 undone, and the motion's joint values (T + 2, N), one frame of the loop more at either end."""
 
-Held = namedtuple("Held", "values angles corrections points ankles known turns work")
-"""What is kept: joint values (N,), angles (L, most) and what the last frame added to the motion's,
-the sole points (L, 3) that places are asked for, where the ankles came to (L, 3) and whether that
-is known (L,), and the rotations of the soles (L, 4)."""
+Held = namedtuple("Held", "values angles anew corrections points ankles known turns work")
+"""What is kept: joint values (N,), angles (L, most), others to compare them with (most,), what the
+last frame added to the motion's (L, most), the sole points (L, 3) that places are asked for, where
+the ankles came to (L, 3) and whether that is known (L,), and the soles' rotations (L, 4)."""
 
 
 @compiled
@@ -102,6 +108,23 @@ def _wanted(body, foot, leg, point):
 
 
 @compiled
+def _begin_anew(hinges, angles, held, base, point, goal, weights, off, turned):
+    """Where the angles miss their goal, take those found from the motion's, if they are nearer.
+
+    A leg that was folded by a goal out of its reach would else stay so.
+    """
+    count = hinges.shape[0]
+    other = held.anew[:count]
+    for h in range(count):
+        other[h] = held.values[hinges[h]["column"]]
+    new_off, new_turned = solve_hinges(hinges, other, base, point, goal, weights, held.work)
+    before = off * off + (weights[1] * turned) ** 2
+    if new_off * new_off + (weights[1] * new_turned) ** 2 < _NEARER * before:
+        for h in range(count):
+            angles[h] = other[h]
+
+
+@compiled
 def _solve_leg(i, root, root_turn, target, sole_turn, robot, held, keep):
     """Solve one leg's own hinges; returns where its ankle and sole came to."""
     part, leg, chain = robot.legs[i], robot.feet[i], robot.chains[i]
@@ -119,14 +142,14 @@ def _solve_leg(i, root, root_turn, target, sole_turn, robot, held, keep):
     point = add(get3(part["tail"]), rotate(to_sole, on_sole))
     goal = (add(target, rotate(sole_turn, on_sole)), quat_mul(sole_turn, quat_conj(to_sole)))
     weights = goal_weights(count - trunk, leg["length"], part["point"])
-    own = chain[trunk:count]
-    solve(own, angles[trunk:count], base, point, goal, weights, held.work)
+    own, mine = chain[trunk:count], angles[trunk:count]
+    off, turned = solve_hinges(own, mine, base, point, goal, weights, held.work)
+    if off > _REACHED * leg["length"]:
+        _begin_anew(own, mine, held, base, point, goal, weights, off, turned)
     for h in range(trunk, count):
         corrections[h] = angles[h] - held.values[chain[h]["column"]]
         held.values[chain[h]["column"]] = angles[h]
-    place, turn = forward_hinges(
-        own, angles[trunk:count], base[0], base[1], held.work.axes, held.work.anchors
-    )
+    place, turn = forward_hinges(own, mine, base[0], base[1], held.work.axes, held.work.anchors)
     ankle = add(place, rotate(turn, get3(part["tail"])))
     return ankle, sole_turn if part["point"] else quat_mul(turn, to_sole)
 
@@ -225,6 +248,7 @@ class HingePose:
         self._held = Held(
             values=self.values,
             angles=np.zeros((legs, most)),
+            anew=np.zeros(most),
             corrections=np.zeros((legs, most)),
             points=np.zeros((legs, 3)),
             ankles=np.zeros((legs, 3)),

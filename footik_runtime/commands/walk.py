@@ -13,6 +13,7 @@ import tyro
 from footik_runtime.builtin import GAITS, HUMANOID, builtin_motion
 from footik_runtime.commands.files import Reading, ReadingOptions, robot_model, write_json
 from footik_runtime.errors import unknown_name
+from footik_runtime.feet.record import GROUNDED
 from footik_runtime.files import require_writable, write_whole
 from footik_runtime.ground import ABOVE, REACH
 from footik_runtime.hinge_character import HingeCharacter
@@ -140,17 +141,22 @@ def _score(
         held = recording.feet["locked"][contact].astype(bool)
         table[name]["contact held still, %"] = 100.0 * float(held.mean()) if contact.any() else 0.0
         if isinstance(scene.character, HingeCharacter):
-            for label, field, unit in _MISSED:
-                missed = unit * float(recording.feet[field].max())
-                table[name][label] = missed if name == WITH else float("nan")
+            table[name] |= _missed(recording, ik=name == WITH)
     return table
 
 
-_MISSED = (
-    ("goal missed, largest, mm", "missing", 1e3),
-    ("goal missed, largest, deg", "turned_off", 180.0 / np.pi),
-)
-"""Label, field of a foot's record, and its unit: what a robot's limits leave of its goals."""
+def _missed(recording: Recording, *, ik: bool) -> dict[str, float]:
+    """How far a robot's feet were off their goals; NaN where they had none."""
+    feet = recording.feet
+    standing = (recording.phases != Phase.SWING) & (feet["state"] == GROUNDED)
+    missing, turned = 1e3 * feet["missing"], np.degrees(feet["turned_off"])
+    found = {
+        "goal missed, largest, mm": float(missing.max()),
+        "goal missed on the ground, largest, mm": float(missing[standing].max(initial=0.0)),
+        "foot turned off, largest, deg": float(turned.max()),
+        "foot turned off on the ground, largest, deg": float(turned[standing].max(initial=0.0)),
+    }
+    return found if ik else dict.fromkeys(found, float("nan"))
 
 
 def _heading(motion: Motion, terrain: str, seconds: float, fps: float, preset: str) -> str:
