@@ -205,8 +205,8 @@ def leave_feet(root_turn, robot, held):
 
 
 @compiled
-def pose_hinges(bodies, feet, roots, rotations, row, robot, held, dt):
-    """Pose one row of a crowd by its hinges, into `held.values`.
+def pose_hinges(bodies, feet, roots, rotations, row, placed, robot, held, dt):
+    """Pose one row of a crowd by its hinges, into `held.values`; `placed`: its feet have goals.
 
     Called from Python for every frame, so it is given plain tuples for `Robot` and `Held`.
     """
@@ -214,7 +214,7 @@ def pose_hinges(bodies, feet, roots, rotations, row, robot, held, dt):
     fixed, state = Robot(*robot), Held(*held)
     sample_values(fixed.table, body["frame"], body["part"], fixed.hinges, state.values)
     root_turn = get4(rotations[row, 0])
-    if body["enabled"] or body["blend"] > 0.0:
+    if placed:
         place_feet(body, feet[row], get3(roots[row]), root_turn, fixed, state, dt)
     else:
         leave_feet(root_turn, fixed, state)
@@ -262,10 +262,11 @@ class HingePose:
 
         Its feet's records are told what the hinges reached. Call `mj_kinematics` next.
         """
-        roots, rotations = crowd.roots, crowd.rotations
+        roots, rotations, body = crowd.roots, crowd.rotations, crowd.bodies[row]
+        fading = crowd.openkcc is None and body["blend"] > 0.0  # OpenKCC's switches at once
         pose_hinges(
-            crowd.bodies, crowd.feet, roots, rotations, row, tuple(self._robot),
-            (*self._held[:-1], self._held.work), dt,
+            crowd.bodies, crowd.feet, roots, rotations, row, bool(body["enabled"] or fading),
+            tuple(self._robot), tuple(self._held), dt,
         )  # fmt: skip
         character, qpos = self.character, data.qpos
         start = character.root_address

@@ -1,6 +1,7 @@
 """Robots: legs of hinges walk scenes by the same feet as any character, and tell what they miss."""
 
 import os
+import re
 import sys
 from pathlib import Path
 
@@ -21,6 +22,8 @@ from footik_runtime.metrics import score
 from footik_runtime.phases import Phase
 from footik_runtime.rig_model import find_rig_in_model
 from footik_runtime.scene import Scene
+from footik_runtime.score_scenes import score_scenes
+from footik_runtime.score_suite import OPENKCC, OURS, WITHOUT, score_scene
 from footik_runtime.sole import all_sole_points
 from footik_runtime.terrain import Flat, Ramp, Terrain
 from footik_runtime.walk import record_walk
@@ -256,6 +259,17 @@ def test_legs_that_are_not_of_hinges_are_refused_by_name():
         HingeCharacter.bind(fixed, find_rig_in_model(fixed))
 
 
+def test_the_documentations_robot_walks(monkeypatch, capsys, tmp_path, dog):
+    file, _, clip = dog
+    (tmp_path / "your_robot.xml").write_text(file.read_text())
+    (tmp_path / "your_walk.npz").write_bytes(Path(clip).read_bytes())
+    monkeypatch.chdir(tmp_path)
+    page = (Path(__file__).parents[1] / "docs" / "your-own-character.md").read_text("utf-8")
+    (block,) = (b for b in re.findall(r"```python\n(.*?)```", page, re.S) if "hinge_motion" in b)
+    exec(compile(block, "block", "exec"), {})
+    assert "left_front" in capsys.readouterr().out
+
+
 def test_walk_prints_what_limits_leave_of_the_goals(monkeypatch, capsys, dog):
     file, _, clip = dog
     arguments = ["walk", "--clip", clip, "--model", file, "--terrain", "slope", "--seconds", "3"]
@@ -265,6 +279,24 @@ def test_walk_prints_what_limits_leave_of_the_goals(monkeypatch, capsys, dog):
     for row in ("goal missed, largest, mm", "goal missed on the ground, largest, mm",
                 "foot turned off, largest, deg"):  # fmt: skip
         assert row in out
+
+
+def test_a_suites_scene_is_walked_by_a_robot_in_every_mode(dog):
+    file, motion, _ = dog
+    (scene,) = (scene for scene in score_scenes() if scene.name == "slope 10 up")
+    one = score_scene(scene, motion=motion, clip="trot", body=file)
+    assert one.name == "slope 10 up: trot"
+    assert one.figures[OURS]["slip_mean"] < 0.1
+    assert one.figures[OURS]["penetration"] < one.figures[WITHOUT]["penetration"]
+    assert one.figures[OURS]["pinned_point_speed"] < one.figures[OPENKCC]["pinned_point_speed"]
+
+
+def test_score_takes_a_model_for_placement_alone(monkeypatch, dog):
+    file, _, clip = dog
+    arguments = ["score", "cleanup", "--clips", clip, "--model", file]
+    monkeypatch.setattr(sys, "argv", ["footik", *map(str, arguments)])
+    with pytest.raises(SystemExit):
+        cli.main()
 
 
 @pytest.mark.parametrize("terrain", ["flat", "slope"])

@@ -67,20 +67,13 @@ class Reading:
         return rig_of(clip) or find_rig(clip.skeleton)
 
 
-def robot_model(reading: Reading, clip: Clip) -> mujoco.MjModel | None:
-    """The model of a clip of joint values, where its legs are of hinges; None otherwise.
-
-    Raises FootIKError where legs of hinges are given by name: a robot's model tells of them.
-    """
+def robot_model(clip: Clip, file: Path | None) -> mujoco.MjModel | None:
+    """The model of a clip of joint values, from its file, where it has hinges; None otherwise."""
     rig = rig_of(clip)
-    if reading.model is None or rig is None:
+    if file is None or rig is None:
         return None
-    model = read_model(reading.model)
-    if not has_hinges(model, rig):
-        return None
-    if reading.legs:
-        raise FootIKError("--legs: the legs of a robot are found in its model; leave it out.")
-    return model
+    model = read_model(file)
+    return model if has_hinges(model, rig) else None
 
 
 ReadingOptions = tyro.conf.OmitArgPrefixes[Reading]

@@ -12,7 +12,7 @@ import tyro
 
 from footik_runtime.builtin import GAITS, HUMANOID, builtin_motion
 from footik_runtime.commands.files import Reading, ReadingOptions, robot_model, write_json
-from footik_runtime.errors import unknown_name
+from footik_runtime.errors import FootIKError, unknown_name
 from footik_runtime.feet.record import GROUNDED
 from footik_runtime.files import require_writable, write_whole
 from footik_runtime.ground import ABOVE, REACH
@@ -47,7 +47,8 @@ def walk(
 
     Args:
         clip: a motion file: .bvh, .glb, .gltf, .npz or .csv; the built-in humanoid's own gait
-            otherwise. Its contact curves are used where it has them.
+            otherwise. Its contact curves are used where it has them. Joint values of a robot
+            (--model) are walked by the robot's own joints, within their limits.
         gait: of the built-in humanoid: walk, run, idle or turn. Ignored with --clip.
         terrain: flat, slope, stairs, hills, rubble, stones, ledge, gap, platform or course.
         seconds: how long to walk.
@@ -117,8 +118,10 @@ def _motion(
     if clip is None:
         return builtin_motion(gait, speed=speed), HUMANOID
     loaded = reading.clip(clip)
-    robot = robot_model(reading, loaded)
+    robot = robot_model(loaded, reading.model)
     if robot is not None:
+        if reading.legs:
+            raise FootIKError("--legs: a robot's are found in its model; leave it out.")
         return hinge_motion(loaded, robot), reading.model
     return Motion.prepare(loaded, reading.rig(loaded)), None
 
