@@ -28,6 +28,7 @@ from footik_runtime.hinge_values import joint_values
 from footik_runtime.inertia import smooth_step
 from footik_runtime.legs import leg_records
 from footik_runtime.math3d import (
+    TINY,
     add,
     get3,
     get4,
@@ -50,6 +51,7 @@ from footik_runtime.motion import Motion
 Array = NDArray[np.float64]
 
 _REACHED = 1.5e-4  # of the leg's length, 0.1 mm for a robot of human size
+_HELD = 0.5  # of its weight: what a rotation weighs about a point that is held
 _NEARER = 0.25  # of the square of what is missing: a leg changes its mind for no less
 _TURNED = 1e-3  # rad: a foot turned off by less is where it shall be
 _POINT_HALF_LIFE = 0.02  # s, in which the point that is held moves along the sole to the next
@@ -141,7 +143,10 @@ def _solve_leg(i, root, root_turn, target, sole_turn, robot, held, keep):
     on_sole = get3(held.points[i])
     point = add(get3(part["tail"]), rotate(to_sole, on_sole))
     goal = (add(target, rotate(sole_turn, on_sole)), quat_mul(sole_turn, quat_conj(to_sole)))
-    weights = goal_weights(count - trunk, leg["length"], part["point"])
+    # A point that is held must not give way; the foot turns about it, as a heel that lifts does.
+    free = 1.0 - min(norm(on_sole) / max(leg["height"], TINY), 1.0)
+    place_weight, turn_weight = goal_weights(count - trunk, leg["length"], part["point"])
+    weights = (place_weight, turn_weight * (_HELD + (1.0 - _HELD) * free))
     own, mine = chain[trunk:count], angles[trunk:count]
     off, turned = solve_hinges(own, mine, base, point, goal, weights, held.work)
     if off > _REACHED * leg["length"]:

@@ -175,6 +175,19 @@ def test_joints_move_smoothly(walker):
     assert fastest < 3.0 * own
 
 
+def test_a_leg_that_was_left_folded_unfolds_for_a_goal_in_reach(dog):
+    file, motion, _ = dog
+    scene = Scene.build(motion, "flat", body=file)
+    crowd, pose = Crowd(motion, scene.ground()), HingePose(scene.character, motion)
+    crowd.place(np.zeros(3))
+    for frame in range(40):
+        crowd.step(1.0 / 60.0 if frame else 0.0)
+        if frame == 30:  # thighs up and over, knees at their limit
+            pose._held.corrections[:, 1:] = [3.0, -2.0]
+        pose.write(scene.data, crowd, 1.0 / 60.0 if frame else 0.0)
+        assert crowd.feet["missing"].max() < 1e-4
+
+
 def test_velocities_lead_from_pose_to_pose(walker):
     file, motion = walker
     scene = Scene.build(motion, "flat", body=file)
