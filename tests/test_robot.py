@@ -182,8 +182,8 @@ def test_a_leg_that_was_left_folded_unfolds_for_a_goal_in_reach(dog):
     crowd.place(np.zeros(3))
     for frame in range(40):
         crowd.step(1.0 / 60.0 if frame else 0.0)
-        if frame == 30:  # thighs up and over, knees at their limit
-            pose._held.corrections[:, 1:] = [3.0, -2.0]
+        if frame == 30:  # every hinge at a limit, from where no small step leads back
+            pose._held.corrections[:] = [[side, 9.0, -9.0] for side in (9.0, -9.0, 9.0, -9.0)]
         pose.write(scene.data, crowd, 1.0 / 60.0 if frame else 0.0)
         assert crowd.feet["missing"].max() < 1e-4
 
