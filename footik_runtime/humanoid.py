@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from footik_runtime import quat_arrays
 from footik_runtime.balance import Balance, balance_over
+from footik_runtime.character import Character
 from footik_runtime.crowd import Crowd, check_dt
 from footik_runtime.errors import FootIKError, unknown_name
 from footik_runtime.feet.footprint import to_world
@@ -102,13 +103,23 @@ class FootTarget:
 
     @property
     def reached(self) -> bool:
-        """Whether the leg came to the goal, within 0.01 mm."""
+        """Whether the leg came to the goal, within 0.01 mm; a robot's within 0.1."""
         return bool(self._record["reached"])
 
     @property
     def stretch(self) -> float:
         """How many times its length the leg has: above 1 with `FootIKSettings.max_stretch` only."""
         return float(self._record["stretch"])
+
+    @property
+    def missing(self) -> float:
+        """How far the foot is off its goal, m: where a point of its sole is held, that point."""
+        return float(self._record["missing"])
+
+    @property
+    def turned_off(self) -> float:
+        """By what angle the limits of a robot's joints keep the foot turned off its goal, rad."""
+        return float(self._record["turned_off"])
 
     @property
     def goal_w(self) -> Array:
@@ -190,6 +201,7 @@ class HumanoidFootIK:
             FootTarget(leg.name, self.crowd.feet[0, i : i + 1].reshape(()), self.crowd)
             for i, leg in enumerate(legs)
         )
+        self._hinges = scene.hinge_pose()
         self._time = 0.0
         self._qpos = scene.data.qpos.copy()
         self.place(np.asarray(scene.terrain.start_w))
@@ -223,6 +235,8 @@ class HumanoidFootIK:
 
     @up.setter
     def up(self, up_w: ArrayLike) -> None:
+        if self._hinges is not None:
+            raise FootIKError("up cannot be changed for a robot: its hinges are solved upright.")
         self.crowd.up = up_w
 
     @property
@@ -309,9 +323,12 @@ class HumanoidFootIK:
 
     def _write(self, dt: float) -> None:
         model, data, character = self.scene.model, self.scene.data, self.scene.character
-        if self.settings.max_stretch > 1.0:
-            character.write_stretch(model, self.crowd.feet[0]["stretch"])
-        character.write_pose(data, self.crowd.roots[0], self.crowd.rotations[0])
+        if self._hinges is not None:
+            self._hinges.write(data, self.crowd, dt)
+        elif isinstance(character, Character):
+            if self.settings.max_stretch > 1.0:
+                character.write_stretch(model, self.crowd.feet[0]["stretch"])
+            character.write_pose(data, self.crowd.roots[0], self.crowd.rotations[0])
         # From the pose written last, not from what mj_step made of it since.
         character.write_pose_velocity(model, data, self._qpos, dt)
         self._qpos[:] = data.qpos

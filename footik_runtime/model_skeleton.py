@@ -93,8 +93,8 @@ def require_drivable(model: mujoco.MjModel, bodies: list[int]) -> None:
             for i in range(model.body_jntnum[b])
         ]
         raise FootIKError(
-            "hinge-jointed robots are not driven yet: below the root each body may have one ball "
-            f"joint or none, but these are others: {listed(joints)}."
+            "below the root each body may have one ball joint or none, but these are others: "
+            f"{listed(joints)}. A robot with legs of hinges is driven by hinge_motion's motion."
         )
     balls = {int(model.body_jntadr[b]) for b in others if model.body_jntadr[b] >= 0}
     away = [model.joint(j).name for j in sorted(balls) if model.jnt_pos[j].any()]

@@ -47,6 +47,7 @@ BLOCK = 32
 
 _SLOWEST = 0.05  # a rate below it, or none, counts as this: what comes next stays at hand
 _MOST_SHIFT = 0.7  # m; how far a print may be from where the animation would put it
+_LONGEST_SWING = 2.0  # times its usual duration for which a swing is looked ahead
 _HIGH = 0.15  # m of an animated foot over the ground at which its rays are shortest
 _LONGEST_HALF = 1.0  # s; half of a contact that is looked ahead at most
 
@@ -135,7 +136,8 @@ def tell_place(body, timing, rate, leg, settings, told):
     At the motion's own velocity that is the print at the plant itself (`due`); at any other the
     leg is stretched as far back at the end as it is forward at the beginning.
     """
-    seconds = told["to_plant"]
+    # A motion that is all but paused plants some day: where, its velocity does not say.
+    seconds = min(told["to_plant"], _LONGEST_SWING * timing["swing_time"])
     due = ahead_of(body, (timing["print"][0], timing["print"][1], 0.0), seconds)
     later = min(timing["to_middle"] / rate, _LONGEST_HALF)
     middle = (timing["middle"][0], timing["middle"][1], 0.0)

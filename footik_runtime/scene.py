@@ -9,9 +9,11 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from footik_runtime.character import Character, build_character
+from footik_runtime.character import CHARACTER_GROUP, Character, build_character
 from footik_runtime.errors import FootIKError, listed
 from footik_runtime.ground import SceneGround
+from footik_runtime.hinge_character import HingeCharacter, has_hinges
+from footik_runtime.hinge_pose import HingePose
 from footik_runtime.motion import Motion
 from footik_runtime.terrain import Terrain, make_terrain
 
@@ -25,14 +27,14 @@ class Scene:
         data: of that model; its qpos is written every frame.
         terrain: whose `move` poses what moves by itself.
         motion: what the character does.
-        character: where its joints are in qpos.
+        character: where its joints are in qpos; of a robot, its hinges.
     """
 
     model: mujoco.MjModel
     data: mujoco.MjData
     terrain: Terrain
     motion: Motion
-    character: Character
+    character: Character | HingeCharacter
 
     @classmethod
     def build(
@@ -51,7 +53,9 @@ class Scene:
             terrain: one, or the name of one in `TERRAINS`.
             seed: of a terrain by name.
             body: an MJCF file of a character whose bodies have the names of the skeleton's joints,
-                such as the built-in one's; otherwise one of capsules is made.
+                such as the built-in one's, or of a robot with legs of hinges, whose motion
+                `hinge_motion` makes; otherwise one of capsules is made. Of a robot's file its
+                first body is taken, and its geoms are put where rays do not see them.
             loose: adds whatever else shall be in the scene, before it is compiled.
 
         Raises:
@@ -67,7 +71,7 @@ class Scene:
         if body is None:
             build_character(spec, motion.rig)
         else:
-            _attach(spec, Path(body))
+            _attach(spec, Path(body), motion.rig.skeleton.names[0])
         loose(spec)
         try:
             model = spec.compile()
@@ -81,8 +85,14 @@ class Scene:
             data=data,
             terrain=terrain,
             motion=motion,
-            character=Character.bind(model, motion.rig),
+            character=_bound(model, motion),
         )
+
+    def hinge_pose(self) -> HingePose | None:
+        """What writes a robot's pose, with nothing known of its feet; None for other characters."""
+        if isinstance(self.character, HingeCharacter):
+            return HingePose(self.character, self.motion)
+        return None
 
     def pose_terrain(self, time: float) -> None:
         """Put what moves by itself where it is at a time, s, and update the scene's geometry."""
@@ -111,9 +121,28 @@ class Scene:
         return seen
 
 
-def _attach(spec: mujoco.MjSpec, body: Path) -> None:
+def _bound(model: mujoco.MjModel, motion: Motion) -> Character | HingeCharacter:
+    if has_hinges(model, motion.rig, "character"):
+        return HingeCharacter.bind(model, motion.rig, "character")
+    return Character.bind(model, motion.rig)
+
+
+def _attach(spec: mujoco.MjSpec, file: Path, root: str) -> None:
+    """Add the body of that name, with all below it; a character of balls with its whole file."""
     try:
-        child = mujoco.MjSpec.from_file(str(body))
-        spec.attach(child, prefix="character/", frame=spec.worldbody.add_frame())
+        child = mujoco.MjSpec.from_file(str(file))
+        body = child.body(root)
+        if body is None or not _on_hinges(body):
+            spec.attach(child, prefix="character/", frame=spec.worldbody.add_frame())
+            return
+        for geom in body.find_all(mujoco.mjtObj.mjOBJ_GEOM):
+            geom.group = CHARACTER_GROUP
+        child.option, child.visual = spec.option, spec.visual  # the scene's count
+        spec.worldbody.add_frame().attach_body(body, "character/", "")
     except ValueError as error:
-        raise FootIKError(f"{body}: MuJoCo cannot read this model: {error}.") from None
+        raise FootIKError(f"{file}: MuJoCo cannot read this model: {error}.") from None
+
+
+def _on_hinges(body: mujoco.MjsBody) -> bool:
+    kinds = {joint.type for joint in body.find_all(mujoco.mjtObj.mjOBJ_JOINT)}
+    return mujoco.mjtJoint.mjJNT_HINGE in kinds

@@ -118,6 +118,7 @@ def score_scene(
     settings: FootIKSettings | None = None,
     motion: Motion | None = None,
     clip: str = "",
+    body: Path | None = None,
 ) -> SceneScore:
     """Walk one scene in every mode at the first rate, and with ours at the others.
 
@@ -125,11 +126,12 @@ def score_scene(
         scene: of `score_scenes`.
         rates: frames a second of the simulation.
         settings: of ours.
-        motion: instead of the scene's own, on a body of capsules.
+        motion: instead of the scene's own.
         clip: what to call it.
+        body: the MJCF file of that motion's body, such as a robot's; capsules otherwise.
     """
     settings = FootIKSettings() if settings is None else settings
-    body = HUMANOID if motion is None else None
+    body = HUMANOID if motion is None else body
     motion = scene.motion() if motion is None else motion
     first = rates[0]
     given, asked = _walked(scene, motion, body, first, settings, ik=False)

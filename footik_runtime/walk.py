@@ -8,14 +8,17 @@ from functools import partial
 from numbers import Real
 from typing import Any
 
+import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from footik_runtime import quat_arrays as qa
 from footik_runtime.character import stretched_offsets
 from footik_runtime.crowd import Crowd, stays_in_place
 from footik_runtime.errors import FootIKError
 from footik_runtime.feet.record import GROUNDED, ON_HEEL
 from footik_runtime.ground import ABOVE, REACH, SceneGround
+from footik_runtime.hinge_pose import HingePose
 from footik_runtime.motion import Motion
 from footik_runtime.phases import Phase
 from footik_runtime.recorded import Run
@@ -40,7 +43,7 @@ class Recording:
         fps: frames a second.
         times: (T,) s.
         roots: (T, 3) joint 0 in the world, m.
-        rotations: (T, J, 4) local, wxyz.
+        rotations: (T, J, 4) local, wxyz; a robot's as its joints have them.
         bodies: (T,) of `locomotion.BODY`.
         feet: (T, legs) of `feet.record.FOOT`.
         phases: (T, legs) the motion's contact phases.
@@ -102,12 +105,17 @@ def record_walk(
         crowd.command(_at_speed(scene.motion, speed))
     frames = max(round(seconds * fps), 2)
     tape = _Tape(scene, frames, ik)
+    hinges = scene.hinge_pose()
     for frame in range(frames):
         scene.pose_terrain(frame / fps)
         if drive is not None:
             crowd.command(*drive(frame / fps))
-        crowd.step(1.0 / fps if frame else 0.0)
-        tape.take(frame, crowd, ground)
+        dt = 1.0 / fps if frame else 0.0
+        crowd.step(dt)
+        if hinges is not None:
+            hinges.write(scene.data, crowd, dt)
+            mujoco.mj_kinematics(scene.model, scene.data)
+        tape.take(frame, crowd, ground, hinges)
         each_frame(frame, frames)
     return tape.recording(fps, even=drive is None)
 
@@ -167,21 +175,15 @@ class _Tape:
         self._frame_turn = np.tile([1.0, 0.0, 0.0, 0.0], (frames, legs, 1))
         self._frame_id = np.zeros((frames, legs), np.int64)
 
-    def take(self, frame: int, crowd: Crowd, ground: SceneGround) -> None:
+    def take(self, frame: int, crowd: Crowd, ground: SceneGround, hinges: HingePose | None) -> None:
         rig = self._scene.motion.rig
-        root, rotations = crowd.roots[0].copy(), crowd.rotations[0].copy()
+        root, rotations, positions, turns = self._pose(crowd, hinges)
         if not np.isfinite(rotations).all() or not np.isfinite(root).all():
             raise FootIKError(f"the pose is not finite in frame {frame}.")
         self._roots[frame], self._rotations[frame] = root, rotations
         self._bodies.append(crowd.bodies[0].copy())
         self._feet.append(crowd.feet[0].copy())
         self._phases[frame] = self._scene.motion.timing["phase"][crowd.bodies[0]["frame"]]
-        moves = None
-        if self._scene.motion.translations.shape[0]:
-            moves = crowd.block.moves[:1]
-        elif crowd.settings.max_stretch > 1.0:
-            moves = stretched_offsets(rig, crowd.feet[0]["stretch"])[None]
-        positions, turns = rig.skeleton.forward(rotations[None], root[None], moves)
         self._joints[frame] = positions[0]
         self._sole[frame] = all_sole_points(rig, positions, turns)[0]
         # The body each foot is over: what lies under its ball.
@@ -196,6 +198,22 @@ class _Tape:
             self._frame_id[frame, leg] = stands
             self._frame_at[frame, leg] = self._scene.data.xpos[stands]
             self._frame_turn[frame, leg] = self._scene.data.xquat[stands]
+
+    def _pose(self, crowd: Crowd, hinges: HingePose | None) -> tuple[Array, Array, Array, Array]:
+        """Root, local rotations, and all joints (1, J, 3) and (1, J, 4) in the world."""
+        skeleton = self._scene.motion.rig.skeleton
+        root, rotations = crowd.roots[0].copy(), crowd.rotations[0].copy()
+        if hinges is not None:
+            at, turn = hinges.character.world_pose(self._scene.data, hinges.point_turns)
+            above = skeleton.parents[1:]
+            rotations[1:] = qa.mul(qa.conj(turn[above]), turn[1:])
+            return root, rotations, at[None], turn[None]
+        moves = None
+        if self._scene.motion.translations.shape[0]:
+            moves = crowd.block.moves[:1]
+        elif crowd.settings.max_stretch > 1.0:
+            moves = stretched_offsets(self._scene.motion.rig, crowd.feet[0]["stretch"])[None]
+        return root, rotations, *skeleton.forward(rotations[None], root[None], moves)
 
     def recording(self, fps: float, *, even: bool) -> Recording:
         rig = self._scene.motion.rig

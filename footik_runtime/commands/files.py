@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
+import mujoco
 import tyro
 
 from footik_runtime.clip import Clip
@@ -16,7 +17,8 @@ from footik_runtime.errors import FootIKError
 from footik_runtime.files import require_writable, write_whole
 from footik_runtime.formats import SUFFIXES, load_clip
 from footik_runtime.formats.gltf import read_animations
-from footik_runtime.formats.qpos import rig_of
+from footik_runtime.formats.qpos import read_model, rig_of
+from footik_runtime.hinge_character import has_hinges
 from footik_runtime.progress import Progress
 from footik_runtime.rig import Rig, find_rig
 
@@ -63,6 +65,15 @@ class Reading:
         if self.legs:
             return find_rig(clip.skeleton, legs=dict(_leg(text) for text in self.legs))
         return rig_of(clip) or find_rig(clip.skeleton)
+
+
+def robot_model(clip: Clip, file: Path | None) -> mujoco.MjModel | None:
+    """The model of a clip of joint values, from its file, where it has hinges; None otherwise."""
+    rig = rig_of(clip)
+    if file is None or rig is None:
+        return None
+    model = read_model(file)
+    return model if has_hinges(model, rig) else None
 
 
 ReadingOptions = tyro.conf.OmitArgPrefixes[Reading]

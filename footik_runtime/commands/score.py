@@ -11,9 +11,10 @@ from typing import Annotated, Any
 
 import tyro
 
-from footik_runtime.commands.files import write_json
+from footik_runtime.commands.files import robot_model, write_json
 from footik_runtime.errors import FootIKError, unknown_name
 from footik_runtime.files import require_writable
+from footik_runtime.hinge_values import hinge_motion
 from footik_runtime.metrics import as_json
 from footik_runtime.motion import Motion
 from footik_runtime.offline.clean_bench import (
@@ -45,6 +46,7 @@ def score(
     clips: Annotated[tuple[Path, ...], tyro.conf.arg(metavar="PATH ...")] = (),
     scenes: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME ...")] = (),
     quick: bool = False,
+    model: Annotated[Path | None, tyro.conf.arg(metavar="FILE.xml")] = None,
     noise: float = 0.03,
     drift: float = 0.08,
     seeds: int = 5,
@@ -66,6 +68,8 @@ def score(
             wherever the built-in walk goes straight on.
         scenes: for placement: those whose names begin so; all otherwise.
         quick: for placement: at 60 Hz alone.
+        model: for placement: the MuJoCo model of a robot, where the clips are its joint values;
+            its own joints walk them, within their limits.
         noise: for contacts: m of white noise, for the rows with noise.
         drift: for contacts: m of the root's drift, for the row with drift.
         seeds: for contacts: of the noise, averaged.
@@ -76,6 +80,8 @@ def score(
         raise unknown_name("suite", suite, SUITES)
     if suite != CONTACTS and trials is not None:
         raise FootIKError(f"score {suite} takes no trials; clips are given with --clips.")
+    if suite != PLACEMENT and model is not None:
+        raise FootIKError(f"score {suite} takes no model: only placement walks robots.")
     for path in (plot, json_file):
         if path is not None:
             require_writable(path)
@@ -86,7 +92,7 @@ def score(
     elif suite == CLEANUP:
         told = _cleanup(clips)
     else:
-        told = _placement(scenes, clips, QUICK if quick else ALL_RATES, plot)
+        told = _placement(scenes, clips, model, QUICK if quick else ALL_RATES, plot)
     if json_file is not None:
         write_json(json_file, {"command": "score", "suite": suite, **told})
 
@@ -117,14 +123,18 @@ def _cleanup(clips: tuple[Path, ...]) -> dict[str, Any]:
 
 
 def _placement(
-    names: tuple[str, ...], clips: tuple[Path, ...], rates: tuple[float, ...], plot: Path | None
+    names: tuple[str, ...],
+    clips: tuple[Path, ...],
+    model: Path | None,
+    rates: tuple[float, ...],
+    plot: Path | None,
 ) -> dict[str, Any]:
     scenes = chosen_scenes(names)
     work: list[tuple[str, Case | None]] = [(scene.name, None) for scene in scenes]
-    for case in files_as_cases(clips):
+    for case in files_as_cases(clips, model):
         work += [(scene.name, case) for scene in scenes if scene.takes_clips]
     progress, scores = Progress("walking"), []
-    for done, one in enumerate(_each_score(work, rates)):
+    for done, one in enumerate(_each_score(work, rates, model)):
         scores.append(one)
         progress(done + 1, len(work))
     progress.close()
@@ -136,10 +146,10 @@ def _placement(
 
 
 def _each_score(
-    work: list[tuple[str, Case | None]], rates: tuple[float, ...]
+    work: list[tuple[str, Case | None]], rates: tuple[float, ...], model: Path | None
 ) -> Iterator[SceneScore]:
     """The scores in order, walked by as many processes as there are cores."""
-    one = partial(_score_one, rates=rates)
+    one = partial(_score_one, rates=rates, model=model)
     # The first alone: it compiles what the others then find on the disk.
     yield one(work[0])
     if len(work) == 1:
@@ -148,10 +158,16 @@ def _each_score(
         yield from pool.map(one, work[1:])
 
 
-def _score_one(what: tuple[str, Case | None], *, rates: tuple[float, ...]) -> SceneScore:
+def _score_one(
+    what: tuple[str, Case | None], *, rates: tuple[float, ...], model: Path | None
+) -> SceneScore:
     name, case = what
     scene = next(scene for scene in chosen_scenes((name,)) if scene.name == name)
     if case is None:
         return score_scene(scene, rates=rates)
-    motion = Motion.prepare(case.clip, case.rig)
-    return score_scene(scene, rates=rates, motion=motion, clip=case.name)
+    robot = robot_model(case.clip, model)
+    if robot is None:
+        motion, body = Motion.prepare(case.clip, case.rig), None
+    else:
+        motion, body = hinge_motion(case.clip, robot), model
+    return score_scene(scene, rates=rates, motion=motion, clip=case.name, body=body)

@@ -11,10 +11,13 @@ import numpy as np
 import tyro
 
 from footik_runtime.builtin import GAITS, HUMANOID, builtin_motion
-from footik_runtime.commands.files import Reading, ReadingOptions, write_json
-from footik_runtime.errors import unknown_name
+from footik_runtime.commands.files import Reading, ReadingOptions, robot_model, write_json
+from footik_runtime.errors import FootIKError, unknown_name
+from footik_runtime.feet.record import GROUNDED
 from footik_runtime.files import require_writable, write_whole
 from footik_runtime.ground import ABOVE, REACH
+from footik_runtime.hinge_character import HingeCharacter
+from footik_runtime.hinge_values import hinge_motion
 from footik_runtime.metrics import as_json, format_table, score
 from footik_runtime.motion import Motion
 from footik_runtime.phases import Phase
@@ -44,7 +47,8 @@ def walk(
 
     Args:
         clip: a motion file: .bvh, .glb, .gltf, .npz or .csv; the built-in humanoid's own gait
-            otherwise. Its contact curves are used where it has them.
+            otherwise. Its contact curves are used where it has them. Joint values of a robot
+            (--model) are walked by the robot's own joints, within their limits.
         gait: of the built-in humanoid: walk, run, idle or turn. Ignored with --clip.
         terrain: flat, slope, stairs, hills, rubble, stones, ledge, gap, platform or course.
         seconds: how long to walk.
@@ -114,6 +118,11 @@ def _motion(
     if clip is None:
         return builtin_motion(gait, speed=speed), HUMANOID
     loaded = reading.clip(clip)
+    robot = robot_model(loaded, reading.model)
+    if robot is not None:
+        if reading.legs:
+            raise FootIKError("--legs: a robot's are found in its model; leave it out.")
+        return hinge_motion(loaded, robot), reading.model
     return Motion.prepare(loaded, reading.rig(loaded)), None
 
 
@@ -134,7 +143,23 @@ def _score(
         contact = recording.phases != Phase.SWING
         held = recording.feet["locked"][contact].astype(bool)
         table[name]["contact held still, %"] = 100.0 * float(held.mean()) if contact.any() else 0.0
+        if isinstance(scene.character, HingeCharacter):
+            table[name] |= _missed(recording, ik=name == WITH)
     return table
+
+
+def _missed(recording: Recording, *, ik: bool) -> dict[str, float]:
+    """How far a robot's feet were off their goals; NaN where they had none."""
+    feet = recording.feet
+    standing = (recording.phases != Phase.SWING) & (feet["state"] == GROUNDED)
+    missing, turned = 1e3 * feet["missing"], np.degrees(feet["turned_off"])
+    found = {
+        "goal missed, largest, mm": float(missing.max()),
+        "goal missed on the ground, largest, mm": float(missing[standing].max(initial=0.0)),
+        "foot turned off, largest, deg": float(turned.max()),
+        "foot turned off on the ground, largest, deg": float(turned[standing].max(initial=0.0)),
+    }
+    return found if ik else dict.fromkeys(found, float("nan"))
 
 
 def _heading(motion: Motion, terrain: str, seconds: float, fps: float, preset: str) -> str:
@@ -159,7 +184,10 @@ def _write_run(path: Path, motion: Motion, recording: Recording) -> None:
         "sole_points": recording.run.sole,
         "ground_heights": recording.run.ground,
     }
-    for name in ("state", "bump", "weight", "locked", "pin", "reached", "goal", "goal_turn"):
+    for name in (
+        "state", "bump", "weight", "locked", "pin", "reached", "missing", "turned_off",
+        "goal", "goal_turn",
+    ):  # fmt: skip
         arrays[f"foot_{name}"] = feet[name]
     buffer = io.BytesIO()
     np.savez_compressed(buffer, **arrays)

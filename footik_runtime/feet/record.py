@@ -76,6 +76,7 @@ FOOT = np.dtype(
         ("reached", "i4"),
         ("missing", "f8"),
         ("stretch", "f8"),
+        ("turned_off", "f8"),
     ],
     align=True,
 )
@@ -97,7 +98,8 @@ velocity. goal, goal_turn: of the ankle and sole, world; normal: of the plane it
 toes: how flat the toes lie on it, toes_left: when it was released; heel_lift: 0 to 1, how far its
 heel may lift to reach; lifted: how far it did, rad. pin: the sole point that is held; locked: and
 still. reached: whether the leg came to the goal; missing: by how much not, m; stretch: how many
-times its length the leg has.
+times its length the leg has; turned_off: by what angle the limits of a robot's joints keep the foot
+turned off its goal, rad.
 """
 
 LOCKS = ("full", "ball", "ankle", "unlocked")
@@ -164,7 +166,7 @@ def reset_foot(foot):
     foot["weight"], foot["plan"], foot["known"] = 0.0, NO_PLAN, 0
     foot["pin"], foot["locked"], foot["offset_time"] = NO_PIN, 0, 0.0
     foot["air_age"], foot["spent"], foot["bend"] = 1e9, 0, 1.0
-    foot["reached"], foot["missing"] = 1, 0.0
+    foot["reached"], foot["missing"], foot["turned_off"] = 1, 0.0, 0.0
     foot["toes"], foot["toes_left"] = 0.0, 0.0
     foot["landing"], foot["landed"], foot["lock"] = ON_HEEL, ON_HEEL, -1
 

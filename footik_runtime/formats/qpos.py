@@ -104,7 +104,7 @@ def read_qpos(
     Raises:
         FootIKError: a broken file, one of another model, or one that does not tell its rate.
     """
-    tree = tree_of(model if isinstance(model, mujoco.MjModel) else _model(model))
+    tree = tree_of(model if isinstance(model, mujoco.MjModel) else read_model(model))
     table = read_table(path)
     source = _by_rows(table, tree, path) or _by_columns(table, tree, path)
     if len(source.qpos) == 0:
@@ -135,7 +135,8 @@ def rig_of(clip: Clip) -> Rig | None:
     return source.tree.rig if isinstance(source, QposSource) else None
 
 
-def _model(path: str | os.PathLike[str]) -> mujoco.MjModel:
+def read_model(path: str | os.PathLike[str]) -> mujoco.MjModel:
+    """The model of an MJCF file. Raises FootIKError where MuJoCo cannot read it."""
     try:
         return mujoco.MjModel.from_xml_path(os.fspath(path))
     except (ValueError, OSError, UnicodeError) as error:

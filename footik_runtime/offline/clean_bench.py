@@ -14,6 +14,7 @@ from footik_runtime.builtin import humanoid_rig
 from footik_runtime.clip import Clip
 from footik_runtime.formats import SUFFIXES, load_clip
 from footik_runtime.formats.gltf import read_animations
+from footik_runtime.formats.qpos import rig_of
 from footik_runtime.gait import run as run_gait
 from footik_runtime.gait import walk as walk_gait
 from footik_runtime.offline.clean import clean
@@ -51,8 +52,10 @@ class Case:
     clean: bool = False
 
 
-def files_as_cases(paths: Sequence[Path]) -> Iterator[Case]:
+def files_as_cases(paths: Sequence[Path], model: Path | None = None) -> Iterator[Case]:
     """Every clip of files and folders, each animation of a glTF file on its own.
+
+    `model` is the MuJoCo model that joint values belong to.
 
     Raises FootIKError for a file that is none, or holds no legs.
     """
@@ -60,9 +63,9 @@ def files_as_cases(paths: Sequence[Path]) -> Iterator[Case]:
         files = sorted(f for f in path.rglob("*") if f.suffix.lower() in SUFFIXES)
         for file in files if path.is_dir() else [path]:
             many = file.suffix.lower() in (".glb", ".gltf")
-            for clip in read_animations(file) if many else [load_clip(file)]:
+            for clip in read_animations(file) if many else [load_clip(file, model=model)]:
                 name = f"{file.name}: {clip.name}" if many else file.name
-                yield Case(name=name, clip=clip, rig=find_rig(clip.skeleton))
+                yield Case(name=name, clip=clip, rig=rig_of(clip) or find_rig(clip.skeleton))
 
 
 def generated_cases(seed: int = 1) -> Iterator[Case]:
