@@ -181,6 +181,17 @@ def test_a_clean_clip_comes_back_untouched(name, ground):
     assert len(cleaned.plants) >= 8
 
 
+@pytest.mark.parametrize("name", ["walk", "slow"])
+def test_a_clean_stair_walk_cut_anywhere_comes_back_untouched(name):
+    """Before its first plant and after its last a foot may stand on any step."""
+    clip = TRUTHS[name, "stairs"].clip
+    for frame in (10, 16, 22, 28, 40):
+        for part in (clip.cut(frame, len(clip)), clip.cut(0, len(clip) - frame)):
+            cleaned = clean(part, RIG)
+            assert np.abs(joints(cleaned.clip) - joints(part)).max() < 1e-3, frame
+            assert cleaned.plants
+
+
 def test_what_is_clean_keeps_every_bit():
     truth = TRUTHS["walk", "flat"]
     cleaned = clean(truth.clip, RIG).clip

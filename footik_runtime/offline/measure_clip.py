@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from footik_runtime.clip import Clip
 from footik_runtime.measures import pinned_point_speed
 from footik_runtime.metrics import score
-from footik_runtime.offline.spread import heights_under
+from footik_runtime.offline.spread import heights_under, lowest_outside
 from footik_runtime.offline.stages import Cleaned
-from footik_runtime.offline.working import as_worked
+from footik_runtime.offline.working import as_worked, unpad
 from footik_runtime.recorded import Run
 from footik_runtime.sole import BALL, all_sole_points
 
@@ -52,7 +52,11 @@ def ground_of(cleaned: Cleaned, soles: Array) -> Array:
 
     Under a foot that never stands it is that of the lowest plant of the others, or 0.
     """
-    heights = heights_under(soles, cleaned.plants, cleaned.ground)
+    work = cleaned.work
+    lowest = None
+    if work is not None:
+        lowest = lowest_outside(unpad(work, work.soles), cleaned.plants, work.scale)
+    heights = heights_under(soles, cleaned.plants, cleaned.ground, lowest)
     known = np.isfinite(heights)
     return np.where(known, heights, heights[known].min() if known.any() else 0.0)
 

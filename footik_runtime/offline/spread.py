@@ -32,6 +32,8 @@ Array = NDArray[np.float64]
 
 # Of a body whose legs are 0.85 m long; lengths scale with the leg.
 _DEEPER, _DEEPEST = 0.001, 0.003  # m: a swing may be this much deeper than it was, or this deep
+_ANOTHER = 0.03  # m under a plant's plane from which a foot is over other ground, surely
+_PER_CHANGE = 2.0  # and what its plant changes, times this: a foot that stands well swings well
 _LIFT = 0.06  # s either side over which a foot is lifted out of the ground
 _INWARD, _OUTWARD, _SIDEWAYS = 4.0, 0.9, 1.0  # times |offset| / duration: overshoots by a tenth
 
@@ -68,11 +70,17 @@ def moved_soles(work: Working, paths: FootPaths) -> Array:
     return points
 
 
-def heights_under(points: Array, plants: tuple[Plant, ...], ground: Ground | None = None) -> Array:
+def heights_under(
+    points: Array,
+    plants: tuple[Plant, ...],
+    ground: Ground | None = None,
+    lowest: Array | None = None,
+) -> Array:
     """(N, F, P) height of the ground under points (N, F, P, 3) of each foot, m.
 
     Without a given ground it is that of the plant the foot is in, and in a swing the lower of the
-    plants before and after; -inf for a foot that never stands.
+    plants before and after; -inf for a foot that never stands. Before its first plant and after its
+    last the ground is no higher than `lowest` (F, 2), from `lowest_outside`.
     """
     if ground is not None:
         flat = ground.height(points.reshape(-1, 3)).reshape(points.shape[:-1])
@@ -86,22 +94,55 @@ def heights_under(points: Array, plants: tuple[Plant, ...], ground: Ground | Non
         spans = np.array([(p.start, p.stop) for p in own])
         planes = np.array([(p.heel, p.normal) for p in own])
         _plane_heights(points[:, foot], spans, planes, heights[:, foot])
+        if lowest is not None:
+            for part, level in zip(_outside(own), lowest[foot], strict=True):
+                heights[part, foot] = np.minimum(heights[part, foot], level)
     return heights
 
 
+def lowest_outside(soles: Array, plants: tuple[Plant, ...], scale: float) -> Array:
+    """(F, 2) m, how low the ground may be before each foot's first plant and after its last.
+
+    What a foot stood on before the clip began is not known: where its soles (N, F, 3, 3) come so
+    low that they cannot be in the ground of the plant beside, the ground is no higher than they
+    are. Infinite where nothing says so. A plant that changes little is of a foot that is not deep.
+    """
+    lowest = np.full((soles.shape[1], 2), np.inf)
+    heights = soles[..., 2].min(axis=-1)
+    under = (heights_under(soles, plants) - soles[..., 2])[..., :TIP].max(axis=-1)
+    for foot in range(soles.shape[1]):
+        own = [p for p in plants if p.foot == foot]
+        if not own:
+            continue
+        for side, (part, plant) in enumerate(zip(_outside(own), (own[0], own[-1]), strict=True)):
+            deep = min(_ANOTHER * scale, _PER_CHANGE * plant.change)
+            other = under[part, foot] > deep
+            lowest[foot, side] = heights[part, foot][other].min(initial=np.inf)
+    return lowest
+
+
+def _outside(own: list[Plant]) -> tuple[slice, slice]:
+    """The frames before one foot's first plant, and after its last."""
+    return slice(0, own[0].start), slice(own[-1].stop, None)
+
+
 def _clear(
-    paths: FootPaths, work: Working, plants: tuple[Plant, ...], ground: Ground | None
+    paths: FootPaths,
+    work: Working,
+    plants: tuple[Plant, ...],
+    ground: Ground | None,
 ) -> FootPaths:
     """The same with swinging feet lifted, and toes bent, out of the ground."""
     swing = ~paths.pinned
     if not plants or not swing.any():
         return paths
     soles = moved_soles(work, paths)
-    depths = heights_under(soles, plants, ground) - soles[..., 2]
+    lowest = lowest_outside(work.soles, plants, work.scale)
+    depths = heights_under(soles, plants, ground, lowest) - soles[..., 2]
     least = _DEEPER * work.scale
     if not (depths[swing] > least).any():
         return paths
-    was = heights_under(work.soles, plants, ground) - work.soles[..., 2]
+    was = heights_under(work.soles, plants, ground, lowest) - work.soles[..., 2]
     allowed = np.minimum(np.maximum(was, 0.0) + least, _DEEPEST * work.scale)
     need = np.where(swing[..., None], np.maximum(depths - allowed, 0.0), 0.0)
     bends = np.array([leg.toe >= 0 and leg.sole.tip > leg.sole.ball for leg in work.rig.legs])
