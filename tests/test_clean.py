@@ -14,6 +14,7 @@ from footik_runtime.clip import Clip
 from footik_runtime.errors import FootIKError
 from footik_runtime.formats.bvh import read_bvh
 from footik_runtime.offline.clean import clean
+from footik_runtime.offline.measure_clip import compare
 from footik_runtime.offline.skate import GROUNDS, inject, true_walk
 from footik_runtime.offline.stages import CleanSettings
 from footik_runtime.offline.working import unpad, working
@@ -263,6 +264,29 @@ def test_in_place_clips_stay_in_place():
     assert np.linalg.norm(cleaned.clip.stride()[1]) < 1e-9
     assert np.ptp(cleaned.clip.root_positions[:, 0]) < 0.05
     assert cleaned.report["plants"]
+
+
+@pytest.mark.parametrize("climb", [0.0, 0.1])
+def test_in_place_clips_stand_still_on_a_true_ground_too(climb):
+    """It is the ground of the clip's own frame: on a belt that climbs it stays where it is."""
+    truth = TRUTHS["walk", "flat"]
+    clip = inject(truth, "constant", 0.03)
+    still = replace(clip, root_positions=clip.root_positions * [0.0, 1.0, 1.0])
+    ground: Any = SimpleNamespace(
+        height=lambda p: climb * p[:, 0],
+        normal=lambda p: np.tile(qa.unit(np.array([-climb, 0.0, 1.0])), (len(p), 1)),
+    )
+    alone, cleaned = clean(still, RIG), clean(still, RIG, ground=ground)
+    assert len(cleaned.plants) == len(alone.plants) >= 8
+    assert cleaned.report["contacts"]["belt"] != [0.0, 0.0, 0.0]
+    after = compare(still, cleaned)["after"]
+    assert after["pinned_point_speed"] < 1e-3
+    soles = all_sole_points(cleaned.rig, *cleaned.clip.model_pose())
+    for plant in cleaned.plants:
+        middle = (plant.start + plant.stop - 1) // 2
+        heel, ball = soles[middle, plant.foot, :2]
+        assert abs(heel[2] - climb * heel[0]) < 0.004 or middle >= plant.roll
+        assert abs(ball[2] - climb * ball[0]) < 0.004 or middle < plant.flat
 
 
 def test_true_ground_is_used():

@@ -208,19 +208,25 @@ def _held(
     heels, balls = middle - heel[:, None] * along, middle + ball[:, None] * along
     if ground is None:
         return heels, balls, normals
-    return _on_given(ground, heels, balls, normals)
+    # Over a belt the ground of the clip passes under a plant: it lies as in the plant's middle.
+    middles = (prints.spans[:, 1] + prints.spans[:, 2] - 1) // 2
+    return _on_given(ground, heels, balls, normals, work.shift[middles])
 
 
 def _on_given(
-    ground: Ground, heels: Array, balls: Array, normals: Array
+    ground: Ground, heels: Array, balls: Array, normals: Array, shift: Array
 ) -> tuple[Array, Array, Array]:
-    """The same on the true ground; where it has none, on the found."""
+    """The same on the true ground; where it has none, on the found.
+
+    shift: (K, 3) by which the working clip is off the clip whose ground it is.
+    """
     length = np.linalg.norm(balls - heels, axis=1, keepdims=True)
     low, high = heels.copy(), balls.copy()
-    low[:, 2], high[:, 2] = ground.height(heels), ground.height(balls)
+    low[:, 2] = ground.height(heels - shift) + shift[:, 2]
+    high[:, 2] = ground.height(balls - shift) + shift[:, 2]
     known = (np.isfinite(low[:, 2]) & np.isfinite(high[:, 2]))[:, None]
     along = quat_arrays.unit(np.where(known, high - low, balls - heels))
-    true = ground.normal(np.where(known, 0.5 * (low + high), 0.5 * (heels + balls)))
+    true = ground.normal(np.where(known, 0.5 * (low + high), 0.5 * (heels + balls)) - shift)
     normal = quat_arrays.unit(true - along * np.sum(true * along, axis=1, keepdims=True))
     good = known & np.isfinite(normal).all(axis=1, keepdims=True) & (normal[:, 2:] > 0.1)
     held = np.where(good, low, heels)

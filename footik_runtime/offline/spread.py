@@ -70,21 +70,24 @@ def moved_soles(work: Working, paths: FootPaths) -> Array:
     return points
 
 
-def heights_under(
-    points: Array,
-    plants: tuple[Plant, ...],
-    ground: Ground | None = None,
-    lowest: Array | None = None,
-) -> Array:
-    """(N, F, P) height of the ground under points (N, F, P, 3) of each foot, m.
+def heights_on(ground: Ground, points: Array, shift: Array) -> Array:
+    """(N, F, P) height of the given ground under points (N, F, P, 3) of the working clip, m.
 
-    Without a given ground it is that of the plant the foot is in, and in a swing the lower of the
-    plants before and after; -inf for a foot that never stands. Before its first plant and after its
-    last the ground is no higher than `lowest` (F, 2), from `lowest_outside`.
+    shift: (N, 3) m, by which the working clip is off the clip whose ground it is. -inf where there
+    is no ground.
     """
-    if ground is not None:
-        flat = ground.height(points.reshape(-1, 3)).reshape(points.shape[:-1])
-        return np.where(np.isfinite(flat), flat, -np.inf)
+    at = (points - shift[:, None, None]).reshape(-1, 3)
+    heights = ground.height(at).reshape(points.shape[:-1]) + shift[:, None, None, 2]
+    return np.where(np.isfinite(heights), heights, -np.inf)
+
+
+def heights_under(points: Array, plants: tuple[Plant, ...], lowest: Array | None = None) -> Array:
+    """(N, F, P) height of the ground under points (N, F, P, 3) of each foot, told by the plants, m.
+
+    It is that of the plant the foot is in, and in a swing the lower of the plants before and after;
+    -inf for a foot that never stands. Before its first plant and after its last the ground is no
+    higher than `lowest` (F, 2), from `lowest_outside`.
+    """
     heights = np.full(points.shape[:-1], np.inf)
     for foot in range(points.shape[1]):
         own = [p for p in plants if p.foot == foot]
@@ -137,12 +140,10 @@ def _clear(
     if not plants or not swing.any():
         return paths
     soles = moved_soles(work, paths)
-    lowest = lowest_outside(work.soles, plants, work.scale)
-    depths = heights_under(soles, plants, ground, lowest) - soles[..., 2]
+    depths, was = (_depths(points, work, plants, ground) for points in (soles, work.soles))
     least = _DEEPER * work.scale
     if not (depths[swing] > least).any():
         return paths
-    was = heights_under(work.soles, plants, ground, lowest) - work.soles[..., 2]
     allowed = np.minimum(np.maximum(was, 0.0) + least, _DEEPEST * work.scale)
     need = np.where(swing[..., None], np.maximum(depths - allowed, 0.0), 0.0)
     bends = np.array([leg.toe >= 0 and leg.sole.tip > leg.sole.ball for leg in work.rig.legs])
@@ -157,6 +158,16 @@ def _clear(
     moves = paths.moves.copy()
     moves[..., 2] += lift
     return replace(paths, moves=moves, toe_turns=toe_turns)
+
+
+def _depths(
+    points: Array, work: Working, plants: tuple[Plant, ...], ground: Ground | None
+) -> Array:
+    """(N, F, P) how deep points (N, F, P, 3) are in the ground, m."""
+    if ground is not None:
+        return heights_on(ground, points, work.shift) - points[..., 2]
+    lowest = lowest_outside(work.soles, plants, work.scale)
+    return heights_under(points, plants, lowest) - points[..., 2]
 
 
 def _smooth_lift(need: Array, swing: Bools, frames: int) -> Array:

@@ -50,7 +50,7 @@ def working(
     """The clip as cleanup sees it: off its belt, level, on the floor z = 0, soles fitted, padded.
 
     A clip whose curves tell of every leg's contact keeps its floor, and with a phase for every leg
-    its soles too. On a given `ground` it stays where it is: that ground is in the clip's frame.
+    its soles too. With a given `ground` it keeps them as well: its height is known.
     Raises FootIKError for a rig of another skeleton, and where no legs are found.
     """
     settings = CleanSettings() if settings is None else settings
@@ -63,7 +63,7 @@ def working(
     clip, rig, joints = _legs_only(clip, rig)
     back, raw, belt, contacts = _IDENTITY, clip.root_positions, np.zeros(3), None
     positions, rotations = clip.model_pose()
-    if frames >= 3 and ground is None:
+    if frames >= 3:
         soles = all_sole_points(rig, positions, rotations)
         contacts = detect.contacts(
             soles[:, :, :2], clip.fps, scale=scale, settings=settings.contact
@@ -74,6 +74,8 @@ def working(
             clip, soles = clip.moved(clip.root_positions + off), soles + off[:, None, None]
             positions = positions + off[:, None]
         phased, weighted = _told(clip, rig) if not settings.redetect else (False, False)
+        if ground is not None:
+            phased = weighted = True  # its floor is known, and whether it is level
         if not (phased or weighted):
             upright = _upright(soles, contacts, scale, notes)
             back, raw = quat_arrays.conj(upright), quat_arrays.rotate(upright, raw)
