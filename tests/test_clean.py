@@ -193,6 +193,18 @@ def test_a_clean_stair_walk_cut_anywhere_comes_back_untouched(name):
             assert cleaned.plants
 
 
+def test_contacts_that_no_foot_can_be_held_in_are_left_alone():
+    """Feet that glide far while slow, as those of a body that sits down or dances do, not stand."""
+    clip = inject(TRUTHS["walk", "flat"], "constant", 0.2)
+    cleaned = clean(clip, RIG)
+    assert not cleaned.plants
+    assert (joints(cleaned.clip) == joints(clip)).all()
+    assert any("left alone" in note for note in cleaned.report["notes"])
+    asked = clean(clip, RIG, settings=CleanSettings(leave_above=1.0))
+    assert len(asked.plants) >= 8
+    assert not any("left alone" in note for note in asked.report["notes"])
+
+
 def test_what_is_clean_keeps_every_bit():
     truth = TRUTHS["walk", "flat"]
     cleaned = clean(truth.clip, RIG).clip

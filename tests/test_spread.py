@@ -11,7 +11,7 @@ from footik_runtime.builtin import humanoid_rig
 from footik_runtime.offline.footing import poses
 from footik_runtime.offline.plants import find
 from footik_runtime.offline.skate import inject, true_walk, working_of
-from footik_runtime.offline.spread import heights_under, lowest_outside, moved_soles, spread
+from footik_runtime.offline.spread import heights_under, lowest_in_swing, moved_soles, spread
 from footik_runtime.offline.stages import CleanSettings, Contacts, FootPaths
 from footik_runtime.sole import BALL, HEEL, TIP
 
@@ -170,9 +170,19 @@ def test_ground_before_the_first_plant_is_no_higher_than_the_foot_that_may_be_el
         low = WORK.soles.copy()
         low[:20] -= [0.0, 0.0, deep]
         plants = tuple(replace(p, change=change) for p in first)
-        heights = heights_under(low, plants, lowest=lowest_outside(low, plants, WORK.scale))
+        heights = heights_under(low, plants, lowest=lowest_in_swing(low, plants, WORK.scale))
         under = (heights[:20] - low[:20, ..., 2]).max()
         assert (under < 1e-9) if elsewhere else (under > 0.01)
+
+
+def test_a_foot_that_goes_far_below_both_its_plants_is_over_lower_ground():
+    one, other = [p for p in PLANTS if p.foot == 0][:2]
+    low = WORK.soles.copy()
+    low[one.stop : other.start, 0] -= [0.0, 0.0, 0.2]
+    lowest = lowest_in_swing(low, PLANTS, WORK.scale)
+    under = heights_under(low, PLANTS, lowest) - low[..., 2]
+    assert under[one.stop : other.start, 0].max() < 1e-9
+    assert np.isinf(lowest[one.start : one.stop, 0]).all()
 
 
 def test_ground_is_that_of_the_plant_and_the_lower_of_two_in_swing():

@@ -30,6 +30,7 @@ from footik_runtime.offline.working import fitted_rig, unpad, working
 from footik_runtime.rig import Rig, find_rig
 
 _FEWEST_FRAMES = 3
+_MOST_TOLD = 4  # contacts that a note names
 
 
 def clean(
@@ -58,7 +59,8 @@ def clean(
     if len(clip) < _FEWEST_FRAMES:
         return _untouched(clip, rig, work)
     contacts = detect.of_clip(work, settings)
-    found = plants.find(work, contacts, settings, ground)
+    found, left = plants.credible(work, plants.find(work, contacts, settings, ground), settings)
+    work = replace(work, notes=(*work.notes, *_left_alone(work, _within(left, work))))
     paths = spread.spread(footing.poses(work, found, settings), work, found, settings, ground)
     root_moves = root.place(work, paths, settings)
     rotations, translations, reached = solve_legs.solve(work, paths, root_moves, settings)
@@ -79,6 +81,18 @@ def clean(
         levelled=settings.level,
         report=_report(work, contacts, within, moves, reached | ~paths.pinned),
     )
+
+
+def _left_alone(work: Working, left: tuple[Plant, ...]) -> list[str]:
+    """What is said of contacts in which no foot is held."""
+    if not left:
+        return []
+    spans = sorted({(p.foot, p.start, p.stop) for p in left})
+    where = ", ".join(f"{work.rig.legs[f].name} {a}-{b - 1}" for f, a, b in spans[:_MOST_TOLD])
+    more = ", ..." if len(spans) > _MOST_TOLD else ""
+    return [
+        f"left alone, for a foot held there would go far or stand steep: {where}{more} (frames)"
+    ]
 
 
 def _untouched(clip: Clip, rig: Rig, work: Working) -> Cleaned:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from footik_runtime.clip import Clip
 from footik_runtime.measures import pinned_point_speed
 from footik_runtime.metrics import score
-from footik_runtime.offline.spread import heights_on, heights_under, lowest_outside
+from footik_runtime.offline.spread import heights_on, heights_under, lowest_in_swing
 from footik_runtime.offline.stages import Cleaned
 from footik_runtime.offline.working import as_worked, unpad
 from footik_runtime.recorded import Run
@@ -58,7 +58,7 @@ def ground_of(cleaned: Cleaned, soles: Array) -> Array:
     elif cleaned.ground is not None:
         heights = heights_on(cleaned.ground, soles, unpad(work, work.shift))
     else:
-        lowest = lowest_outside(unpad(work, work.soles), plants, work.scale)
+        lowest = lowest_in_swing(unpad(work, work.soles), plants, work.scale)
         heights = heights_under(soles, plants, lowest)
     known = np.isfinite(heights)
     return np.where(known, heights, heights[known].min() if known.any() else 0.0)

@@ -31,6 +31,7 @@ _MADE = 0.001  # m: the same where feet stand quite still, so that their heights
 _PER_WOBBLE = 4.0  # and between: this times what a foot's height varies by while it stands
 _STEEP = math.radians(4.0)  # a plane steeper than this must show in the soles
 _PITCHED = math.radians(5.0)  # a foot that stands so on its own tells its ground
+_STEEPEST = math.radians(35.0)  # ground on which a foot still stands
 _NARROW = 0.12  # m: plants spread less than this say nothing of the slope that way
 _ONE_TREAD = 1.0  # s between plants that may share a tread
 _SHORTEST = 0.08  # s of a contact that the clip cuts off
@@ -91,6 +92,22 @@ def find(
             )
         )
     return tuple(plants)
+
+
+def credible(
+    work: Working, found: tuple[Plant, ...], settings: CleanSettings
+) -> tuple[tuple[Plant, ...], tuple[Plant, ...]]:
+    """The plants in which a foot can have stood, and the others, which are better left alone.
+
+    Where a body sits, lies, rolls or jumps, feet are slow without standing: held, they would go
+    far, or stand on ground as steep as a shin that lies.
+    """
+    most = settings.leave_above * work.scale
+    level = math.cos(_STEEPEST)
+    good, left = [], []
+    for plant in found:
+        (good if plant.change <= most and plant.normal[2] >= level else left).append(plant)
+    return tuple(good), tuple(left)
 
 
 def _cut_short(spans: Ints, frames: int, least: float) -> Bools:

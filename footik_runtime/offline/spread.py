@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -33,7 +35,7 @@ Array = NDArray[np.float64]
 # Of a body whose legs are 0.85 m long; lengths scale with the leg.
 _DEEPER, _DEEPEST = 0.001, 0.003  # m: a swing may be this much deeper than it was, or this deep
 _ANOTHER = 0.03  # m under a plant's plane from which a foot is over other ground, surely
-_PER_CHANGE = 2.0  # and what its plant changes, times this: a foot that stands well swings well
+_PER_CHANGE = 4.0  # and what its plant changes, times this: a foot that stands well swings well
 _LIFT = 0.06  # s either side over which a foot is lifted out of the ground
 _INWARD, _OUTWARD, _SIDEWAYS = 4.0, 0.9, 1.0  # times |offset| / duration: overshoots by a tenth
 
@@ -85,8 +87,7 @@ def heights_under(points: Array, plants: tuple[Plant, ...], lowest: Array | None
     """(N, F, P) height of the ground under points (N, F, P, 3) of each foot, told by the plants, m.
 
     It is that of the plant the foot is in, and in a swing the lower of the plants before and after;
-    -inf for a foot that never stands. Before its first plant and after its last the ground is no
-    higher than `lowest` (F, 2), from `lowest_outside`.
+    -inf for a foot that never stands. No higher than `lowest` (N, F), from `lowest_in_swing`.
     """
     heights = np.full(points.shape[:-1], np.inf)
     for foot in range(points.shape[1]):
@@ -97,36 +98,33 @@ def heights_under(points: Array, plants: tuple[Plant, ...], lowest: Array | None
         spans = np.array([(p.start, p.stop) for p in own])
         planes = np.array([(p.heel, p.normal) for p in own])
         _plane_heights(points[:, foot], spans, planes, heights[:, foot])
-        if lowest is not None:
-            for part, level in zip(_outside(own), lowest[foot], strict=True):
-                heights[part, foot] = np.minimum(heights[part, foot], level)
-    return heights
+    return heights if lowest is None else np.minimum(heights, lowest[..., None])
 
 
-def lowest_outside(soles: Array, plants: tuple[Plant, ...], scale: float) -> Array:
-    """(F, 2) m, how low the ground may be before each foot's first plant and after its last.
+def lowest_in_swing(soles: Array, plants: tuple[Plant, ...], scale: float) -> Array:
+    """(N, F) m, how low the ground may be in each swing; infinite where nothing says so.
 
-    What a foot stood on before the clip began is not known: where its soles (N, F, 3, 3) come so
-    low that they cannot be in the ground of the plant beside, the ground is no higher than they
-    are. Infinite where nothing says so. A plant that changes little is of a foot that is not deep.
+    What lies between two plants, or before the first and after the last, is not known: where soles
+    (N, F, 3, 3) come so low that they cannot be in the ground of the plants beside, the ground is
+    no higher than they are. Next to a plant that changes little a foot is not deep.
     """
-    lowest = np.full((soles.shape[1], 2), np.inf)
+    lowest = np.full(soles.shape[:2], np.inf)
     heights = soles[..., 2].min(axis=-1)
     under = (heights_under(soles, plants) - soles[..., 2])[..., :TIP].max(axis=-1)
     for foot in range(soles.shape[1]):
-        own = [p for p in plants if p.foot == foot]
-        if not own:
-            continue
-        for side, (part, plant) in enumerate(zip(_outside(own), (own[0], own[-1]), strict=True)):
-            deep = min(_ANOTHER * scale, _PER_CHANGE * plant.change)
-            other = under[part, foot] > deep
-            lowest[foot, side] = heights[part, foot][other].min(initial=np.inf)
+        for swing, change in _swings([p for p in plants if p.foot == foot], len(soles)):
+            elsewhere = under[swing, foot] > min(_ANOTHER * scale, _PER_CHANGE * change)
+            if elsewhere.any():
+                lowest[swing, foot] = heights[swing, foot][elsewhere].min()
     return lowest
 
 
-def _outside(own: list[Plant]) -> tuple[slice, slice]:
-    """The frames before one foot's first plant, and after its last."""
-    return slice(0, own[0].start), slice(own[-1].stop, None)
+def _swings(own: list[Plant], frames: int) -> Iterator[tuple[slice, float]]:
+    """The swings of one foot, and what the plants beside them change at most, m."""
+    for before, after in itertools.pairwise([None, *own, None]):
+        start, stop = before.stop if before else 0, after.start if after else frames
+        if start < stop and (before or after):
+            yield slice(start, stop), max(p.change for p in (before, after) if p)
 
 
 def _clear(
@@ -166,7 +164,7 @@ def _depths(
     """(N, F, P) how deep points (N, F, P, 3) are in the ground, m."""
     if ground is not None:
         return heights_on(ground, points, work.shift) - points[..., 2]
-    lowest = lowest_outside(work.soles, plants, work.scale)
+    lowest = lowest_in_swing(work.soles, plants, work.scale)
     return heights_under(points, plants, lowest) - points[..., 2]
 
 
