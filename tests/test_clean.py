@@ -278,6 +278,16 @@ def test_in_place_clips_stay_in_place():
     assert cleaned.report["plants"]
 
 
+@pytest.mark.parametrize("kind", SKATES)
+@pytest.mark.parametrize("frames", [(0, 257), (10, 180), (5, 111)])
+def test_in_place_clips_cleaned_twice_stay(kind, frames):
+    clip = inject(TRUTHS["walk", "flat"], kind, SKATES[kind]).cut(*frames)
+    still = replace(clip, root_positions=clip.root_positions * [0.0, 1.0, 1.0])
+    once = clean(still, RIG)
+    assert len(once.plants) >= 4
+    assert np.abs(joints(clean(once.clip, RIG).clip) - joints(once.clip)).max() < 1e-3
+
+
 @pytest.mark.parametrize("climb", [0.0, 0.1])
 def test_in_place_clips_stand_still_on_a_true_ground_too(climb):
     """It is the ground of the clip's own frame: on a belt that climbs it stays where it is."""

@@ -36,6 +36,7 @@ _INCLINED = math.tan(math.radians(0.2))  # of a belt; a lesser incline is none
 _PADDING = 1.5  # s of the neighbouring cycles
 _SHORTEST_LOOP = 0.4  # s
 _SAME_TURN, _SAME_PLACE = math.radians(0.5), 0.001  # rad, m: a pose that has returned
+_BESIDE = 0.5  # of a sole's step: how far that over a loop's seam may be from those beside it
 _UP = np.array([0.0, 0.0, 1.0])
 _IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 
@@ -59,7 +60,7 @@ def working(
     scale = float(rig.leg_lengths.mean()) / _LEG
     notes: list[str] = []
     frames = len(clip)
-    clip, pad, closed = _padded(clip, scale, notes)
+    clip, pad, closed = _padded(clip, rig, scale, notes)
     clip, rig, joints = _legs_only(clip, rig)
     back, raw, belt, contacts = _IDENTITY, clip.root_positions, np.zeros(3), None
     positions, rotations = clip.model_pose()
@@ -284,7 +285,7 @@ def _fitted_sole(leg: Leg, rotations: Array) -> Sole:
     return replace(leg.sole, frame=frame, toe_frame=quat_arrays.unit(lying.mean(axis=0)))
 
 
-def _padded(clip: Clip, scale: float, notes: list[str]) -> tuple[Clip, int, bool]:
+def _padded(clip: Clip, rig: Rig, scale: float, notes: list[str]) -> tuple[Clip, int, bool]:
     """A loop with some of the cycles before and after it, so that its ends are like its middle.
 
     Returns it with how many frames there are on either side, and whether its last is its first
@@ -292,7 +293,7 @@ def _padded(clip: Clip, scale: float, notes: list[str]) -> tuple[Clip, int, bool
     to tell its belt.
     """
     closed = _closes(clip, scale)
-    if not closed and not _would_close(clip, scale):
+    if not closed and not _would_close(clip, rig, scale):
         return clip, 0, False
     if not clip.loop:
         again = (
@@ -319,10 +320,11 @@ def _closes(clip: Clip, scale: float) -> bool:
     return apart <= _SAME_TURN and abs(step[2]) <= _SAME_PLACE * scale
 
 
-def _would_close(clip: Clip, scale: float) -> bool:
+def _would_close(clip: Clip, rig: Rig, scale: float) -> bool:
     """Whether the first pose would come next after the last: a loop in place without its end.
 
-    The step from the last to the first is then no larger than the steps beside it.
+    The step from the last to the first is then no larger than the steps beside it, and the soles
+    go on as they do there.
     """
     if clip.duration < _SHORTEST_LOOP:
         return False
@@ -331,7 +333,28 @@ def _would_close(clip: Clip, scale: float) -> bool:
     ways = np.linalg.norm([places[1] - places[0], places[-1] - places[-2]], axis=-1)
     way = float(np.linalg.norm(places[0] - places[-1]))
     small = way <= float(ways.max()) + _SAME_PLACE * scale
-    return small and _SAME_TURN < _most_turned(turns[-1], turns[0]) <= max(beside)
+    follows = _SAME_TURN < _most_turned(turns[-1], turns[0]) <= max(beside)
+    return small and follows and _soles_go_on(clip, rig, scale)
+
+
+def _soles_go_on(clip: Clip, rig: Rig, scale: float) -> bool:
+    """Whether each sole point's step from the last frame to the first is between those beside it.
+
+    On a belt a foot that stands goes back by as much each frame: a pose that is there twice, as
+    the last and as the first, would stop it.
+    """
+    again = [len(clip) - 2, len(clip) - 1, 0, 1]
+    moved = None if clip.translations is None else clip.translations[again]
+    positions, rotations = clip.skeleton.forward(
+        clip.rotations[again], clip.root_positions[again], moved
+    )
+    before, seam, after = np.diff(all_sole_points(rig, positions, rotations), axis=0)
+    way = after - before
+    share = np.sum((seam - before) * way, axis=-1) / np.maximum(np.sum(way * way, axis=-1), 1e-18)
+    off = seam - before - np.clip(share, 0.0, 1.0)[..., None] * way
+    usual = np.maximum(np.linalg.norm(before, axis=-1), np.linalg.norm(after, axis=-1))
+    most = _BESIDE * usual + _SAME_PLACE * scale
+    return bool((np.linalg.norm(off, axis=-1) <= most).all())
 
 
 def _most_turned(a: Array, b: Array) -> float:
