@@ -205,6 +205,25 @@ def test_contacts_that_no_foot_can_be_held_in_are_left_alone():
     assert not any("left alone" in note for note in asked.report["notes"])
 
 
+def backwards(clip):
+    return replace(
+        clip, root_positions=clip.root_positions[::-1].copy(), rotations=clip.rotations[::-1].copy()
+    )
+
+
+@pytest.mark.parametrize("ground", GROUNDS)
+@pytest.mark.parametrize("name", ["walk", "slow"])
+def test_walks_backwards_are_cleaned_as_walks_are(name, ground):
+    """A foot that comes down over its ball and leaves over its heel."""
+    truth = TRUTHS[name, ground]
+    clean_clip = backwards(truth.clip)
+    cleaned = clean(clean_clip, RIG)
+    assert np.abs(joints(cleaned.clip) - joints(clean_clip)).max() < 1e-4
+    stands = truth.phases[::-1] > 0
+    assert (cleaned.phases == truth.phases[::-1])[stands].mean() > 0.93
+    Figures(backwards(inject(truth, "constant", 0.03, seed=1)), RIG).check()
+
+
 def test_what_is_clean_keeps_every_bit():
     truth = TRUTHS["walk", "flat"]
     cleaned = clean(truth.clip, RIG).clip
