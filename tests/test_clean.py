@@ -20,6 +20,7 @@ from footik_runtime.offline.stages import CleanSettings
 from footik_runtime.offline.working import unpad, working
 from footik_runtime.phases import Phase, phase_curve
 from footik_runtime.recorded import Run
+from footik_runtime.skeleton import Skeleton
 from footik_runtime.sole import BALL, HEEL, all_sole_points
 
 ROOT = Path(__file__).parent.parent
@@ -285,6 +286,43 @@ def test_loops_stay_seamless(name):
     assert near < 1.2 * np.delete(bends, range(seam - 2, seam + 3)).max()
     second = clean(after, RIG).clip
     assert np.abs(joints(second) - places).max() < 2e-4
+
+
+def under_a_still_root(clip):
+    """The clip and its rig under one more joint, which stays while translations carry the hips."""
+    bones = clip.skeleton
+    skeleton = Skeleton(
+        names=("world", *bones.names),
+        parents=np.concatenate([[-1], bones.parents + 1]),
+        offsets=np.vstack([np.zeros(3), bones.offsets]),
+        rest_rotations=np.vstack([[1.0, 0.0, 0.0, 0.0], bones.rest_rotations]),
+    )
+    translations = np.tile(skeleton.offsets, (len(clip), 1, 1))
+    translations[:, 1] = clip.root_positions
+    still = np.tile([1.0, 0.0, 0.0, 0.0], (len(clip), 1, 1))
+    carried = Clip(
+        skeleton=skeleton,
+        fps=clip.fps,
+        loop=clip.loop,
+        root_positions=np.zeros((len(clip), 3)),
+        rotations=np.concatenate([still, clip.rotations], axis=1),
+        translations=translations,
+    )
+    parts = ("hip", "knee", "ankle", "toe")
+    legs = tuple(replace(g, **{p: getattr(g, p) + 1 for p in parts}) for g in RIG.legs)
+    return carried, replace(RIG, skeleton=skeleton, hips=RIG.hips + 1, legs=legs)
+
+
+@pytest.mark.parametrize("name", ["loop", "loop that does not say so", "turn"])
+def test_hips_that_translations_carry_travel_as_a_root_does(name):
+    clip = skating_loop("walk")
+    if name == "turn":
+        clip = replace(gait.turn_in_place(RIG), curves={})
+    clip = replace(clip, loop=name != "loop that does not say so")
+    plain, (carried, rig) = clean(clip, RIG), under_a_still_root(clip)
+    cleaned = clean(carried, rig)
+    assert (cleaned.phases == plain.phases).all()
+    assert np.abs(joints(cleaned.clip)[:, 1:] - joints(plain.clip)).max() < 1e-9
 
 
 def test_in_place_clips_stay_in_place():

@@ -26,7 +26,7 @@ from footik_runtime.offline.stages import (
     Plant,
     Working,
 )
-from footik_runtime.offline.working import fitted_rig, unpad, working
+from footik_runtime.offline.working import fitted_rig, stride, unpad, working
 from footik_runtime.rig import Rig, find_rig
 
 _FEWEST_FRAMES = 3
@@ -66,7 +66,7 @@ def clean(
     rotations, translations, reached = solve_legs.solve(work, paths, root_moves, settings)
     moves = unpad(work, root_moves).copy()
     if work.pad and work.closed:
-        moves[-1] = quat_arrays.rotate(_turn(clip), moves[0])
+        moves[-1] = quat_arrays.rotate(_turn(clip, rig), moves[0])
     within = _within(found, work)
     cleaned = _put_back(clip, work, moves, rotations, translations, settings)
     return Cleaned(
@@ -121,9 +121,9 @@ def _untouched(clip: Clip, rig: Rig, work: Working) -> Cleaned:
     )
 
 
-def _turn(clip: Clip) -> Array:
+def _turn(clip: Clip, rig: Rig) -> Array:
     """(4,) what a loop's heading turns by in a cycle."""
-    return quat_arrays.about([0.0, 0.0, 1.0], np.array(clip.stride()[0]))
+    return quat_arrays.about([0.0, 0.0, 1.0], np.array(stride(clip, rig)[0]))
 
 
 def _put_back(

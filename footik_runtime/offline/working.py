@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from footik_runtime import quat_arrays
 from footik_runtime.clip import Clip
 from footik_runtime.errors import FootIKError
-from footik_runtime.math3d import quat_between, quat_upright, rotate
+from footik_runtime.math3d import quat_between, quat_heading, quat_upright, rotate
 from footik_runtime.offline import detect
 from footik_runtime.offline.filters import contact_spans, span_medians
 from footik_runtime.offline.stages import Bools, CleanSettings, Contacts, Ground, Ints, Working
@@ -292,7 +292,7 @@ def _padded(clip: Clip, rig: Rig, scale: float, notes: list[str]) -> tuple[Clip,
     again. Whatever is told from the motion is told from all of them: a cycle in place is too short
     to tell its belt.
     """
-    closed = _closes(clip, scale)
+    closed = _closes(clip, rig, scale)
     if not closed and not _would_close(clip, rig, scale):
         return clip, 0, False
     if not clip.loop:
@@ -302,22 +302,43 @@ def _padded(clip: Clip, rig: Rig, scale: float, notes: list[str]) -> tuple[Clip,
         notes.append(f"{again}: cleaned as a loop")
     cycle = clip if closed else _with_first_again(clip)
     pad = min(len(cycle) - 1, math.ceil(_PADDING * clip.fps))
-    yaw, step = cycle.stride() if closed else (0.0, np.zeros(3))
+    yaw, step = stride(cycle, rig) if closed else (0.0, np.zeros(3))
     around = _around_clip(cycle, quat_arrays.about(_UP, yaw), step, pad)
     return around, pad, closed
 
 
-def _closes(clip: Clip, scale: float) -> bool:
+def stride(clip: Clip, rig: Rig) -> tuple[float, Array]:
+    """What one cycle adds to the body: yaw (rad) about the origin, and displacement (3,), m.
+
+    As `Clip.stride`, of the hips: their root may stay where it is and translations carry them.
+    """
+    positions, rotations = _model_pose(clip, [0, len(clip) - 1])
+    first, last = rotations[:, rig.hips]
+    yaw = float(quat_heading(tuple(quat_arrays.mul(last, quat_arrays.conj(first)))))
+    start, stop = positions[:, rig.hips]
+    return yaw, stop - quat_arrays.rotate(quat_arrays.about(_UP, np.array(yaw)), start)
+
+
+def _model_pose(clip: Clip, frames: list[int]) -> tuple[Array, Array]:
+    """Positions (N, J, 3) and rotations (N, J, 4) of some frames."""
+    moved = None if clip.translations is None else clip.translations[frames]
+    return clip.skeleton.forward(clip.rotations[frames], clip.root_positions[frames], moved)
+
+
+def _closes(clip: Clip, rig: Rig, scale: float) -> bool:
     """Whether the clip says that it loops, or ends in the pose in which it began."""
     if clip.loop:
         return len(clip) > 1
     if clip.duration < _SHORTEST_LOOP:
         return False
-    yaw, step = clip.stride()
-    first = clip.rotations[0].copy()
-    first[0] = quat_arrays.mul(quat_arrays.about(_UP, np.array(yaw)), first[0])
-    apart = _most_turned(first, clip.rotations[-1])
-    return apart <= _SAME_TURN and abs(step[2]) <= _SAME_PLACE * scale
+    yaw, step = stride(clip, rig)
+    ends = [0, len(clip) - 1]
+    first, last = clip.rotations[ends]
+    # What carries the hips may share their turn in any way.
+    first[clip.skeleton.chain(rig.hips)] = last[clip.skeleton.chain(rig.hips)] = _IDENTITY
+    first[rig.hips], last[rig.hips] = _model_pose(clip, ends)[1][:, rig.hips]
+    first[rig.hips] = quat_arrays.mul(quat_arrays.about(_UP, np.array(yaw)), first[rig.hips])
+    return _most_turned(first, last) <= _SAME_TURN and abs(step[2]) <= _SAME_PLACE * scale
 
 
 def _would_close(clip: Clip, rig: Rig, scale: float) -> bool:
@@ -328,27 +349,24 @@ def _would_close(clip: Clip, rig: Rig, scale: float) -> bool:
     """
     if clip.duration < _SHORTEST_LOOP:
         return False
-    turns, places = clip.rotations, clip.root_positions
-    beside = _most_turned(turns[0], turns[1]), _most_turned(turns[-2], turns[-1])
-    ways = np.linalg.norm([places[1] - places[0], places[-1] - places[-2]], axis=-1)
-    way = float(np.linalg.norm(places[0] - places[-1]))
-    small = way <= float(ways.max()) + _SAME_PLACE * scale
-    follows = _SAME_TURN < _most_turned(turns[-1], turns[0]) <= max(beside)
-    return small and follows and _soles_go_on(clip, rig, scale)
+    again = [len(clip) - 2, len(clip) - 1, 0, 1]
+    positions, rotations = _model_pose(clip, again)
+    turns = [_most_turned(*clip.rotations[again[i : i + 2]]) for i in range(3)]
+    ways = np.linalg.norm(np.diff(positions[:, rig.hips], axis=0), axis=-1)
+    small = ways[1] <= max(ways[0], ways[2]) + _SAME_PLACE * scale
+    follows = _SAME_TURN < turns[1] <= max(turns[0], turns[2])
+    return bool(
+        small and follows and _soles_go_on(all_sole_points(rig, positions, rotations), scale)
+    )
 
 
-def _soles_go_on(clip: Clip, rig: Rig, scale: float) -> bool:
-    """Whether each sole point's step from the last frame to the first is between those beside it.
+def _soles_go_on(soles: Array, scale: float) -> bool:
+    """Whether the steps of soles (4, F, 3, 3) over a seam are between those before and after it.
 
     On a belt a foot that stands goes back by as much each frame: a pose that is there twice, as
     the last and as the first, would stop it.
     """
-    again = [len(clip) - 2, len(clip) - 1, 0, 1]
-    moved = None if clip.translations is None else clip.translations[again]
-    positions, rotations = clip.skeleton.forward(
-        clip.rotations[again], clip.root_positions[again], moved
-    )
-    before, seam, after = np.diff(all_sole_points(rig, positions, rotations), axis=0)
+    before, seam, after = np.diff(soles, axis=0)
     way = after - before
     share = np.sum((seam - before) * way, axis=-1) / np.maximum(np.sum(way * way, axis=-1), 1e-18)
     off = seam - before - np.clip(share, 0.0, 1.0)[..., None] * way
