@@ -392,6 +392,38 @@ def test_contact_that_curves_tell_is_kept():
     assert (cleaned.phases > 0).sum() > 0.75 * (told > 0).sum()
 
 
+@pytest.mark.parametrize("length", [1, 3, 6])
+def test_curves_that_flicker_or_make_no_sense_do_no_harm(length):
+    truth = TRUTHS["walk", "flat"]
+    clip = inject(truth, "constant", 0.03)
+    flicker = (np.arange(len(clip)) // length % 2).astype(float)
+    told = clip.with_curves(LeftFootIKWeight=flicker, RightFootIKWeight=flicker)
+    cleaned = clean(told, RIG)
+    moved = np.linalg.norm(joints(cleaned.clip) - joints(clip), axis=-1).max()
+    assert moved < 0.1
+    if length < 5:
+        assert not cleaned.plants
+        assert any("too short" in note for note in cleaned.report["notes"])
+
+
+def test_phases_at_random_move_no_foot_far():
+    clip = TRUTHS["walk", "flat"].clip
+    phases = np.random.default_rng(0).integers(0, 4, (2, len(clip))).astype(float)
+    cleaned = clean(clip.with_curves(LeftFootPhase=phases[0], RightFootPhase=phases[1]), RIG)
+    ankles = [leg.ankle for leg in RIG.legs]
+    moved = joints(cleaned.clip)[:, ankles] - joints(clip)[:, ankles]
+    assert np.linalg.norm(moved, axis=-1).max() < 0.1
+
+
+def test_weights_that_are_none_are_told():
+    clip = TRUTHS["walk", "flat"].clip
+    odd = clip.with_curves(LeftFootIKWeight=np.full(len(clip), 7.0))
+    notes = clean(odd, RIG).report["notes"]
+    assert any("LeftFootIKWeight" in note and "7" in note for note in notes)
+    notes = clean(odd, RIG, settings=CleanSettings(redetect=True)).report["notes"]
+    assert not any("LeftFootIKWeight" in note for note in notes)
+
+
 @pytest.mark.parametrize("frames", [1, 2, 3, 4, 10])
 def test_short_clips_come_back(frames):
     clip = inject(TRUTHS["walk", "flat"], "constant", 0.03).cut(20, 20 + frames)
@@ -399,6 +431,7 @@ def test_short_clips_come_back(frames):
     assert len(cleaned.clip) == frames
     assert np.isfinite(cleaned.clip.rotations).all()
     assert cleaned.phases.shape == (frames, 2)
+    assert not cleaned.plants or frames >= 0.08 * clip.fps
     if frames < 3:
         assert "too few" in cleaned.report["notes"][-1]
         assert (cleaned.clip.rotations == clip.rotations).all()

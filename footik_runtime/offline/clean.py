@@ -17,6 +17,7 @@ from footik_runtime import quat_arrays
 from footik_runtime.clip import Clip
 from footik_runtime.compiled import compiled
 from footik_runtime.offline import detect, footing, footplant, plants, root, solve_legs, spread
+from footik_runtime.offline.filters import contact_spans
 from footik_runtime.offline.stages import (
     Array,
     Cleaned,
@@ -60,7 +61,8 @@ def clean(
         return _untouched(clip, rig, work)
     contacts = detect.of_clip(work, settings)
     found, left = plants.credible(work, plants.find(work, contacts, settings, ground), settings)
-    work = replace(work, notes=(*work.notes, *_left_alone(work, _within(left, work))))
+    notes = _left_alone(work, _within(left, work)) + _flickers(_cropped(contacts, work))
+    work = replace(work, notes=(*work.notes, *notes))
     paths = spread.spread(footing.poses(work, found, settings), work, found, settings, ground)
     root_moves = root.place(work, paths, settings)
     rotations, translations, reached = solve_legs.solve(work, paths, root_moves, settings)
@@ -93,6 +95,16 @@ def _left_alone(work: Working, left: tuple[Plant, ...]) -> list[str]:
     return [
         f"left alone, for a foot held there would go far or stand steep: {where}{more} (frames)"
     ]
+
+
+def _flickers(contacts: Contacts) -> list[str]:
+    """What is said of contacts too short to be placed, which only curves tell."""
+    spans = contact_spans(contacts.foot)
+    inside = (spans[:, 1] > 0) & (spans[:, 2] < len(contacts.down))
+    count = int((inside & plants.brief(spans, contacts.fps)).sum())
+    return (
+        [f"left alone, for they are too short: {count} contacts that curves tell"] if count else []
+    )
 
 
 def _untouched(clip: Clip, rig: Rig, work: Working) -> Cleaned:

@@ -34,7 +34,7 @@ _PITCHED = math.radians(5.0)  # a foot that stands so on its own tells its groun
 _STEEPEST = math.radians(35.0)  # ground on which a foot still stands
 _NARROW = 0.12  # m: plants spread less than this say nothing of the slope that way
 _ONE_TREAD = 1.0  # s between plants that may share a tread
-_SHORTEST = 0.08  # s of a contact that the clip cuts off
+_SHORTEST = 0.08  # s of a contact that is placed
 _UP = np.array([0.0, 0.0, 1.0])
 
 
@@ -60,7 +60,7 @@ def find(
     footprint. `change` is that of the whole contact; under `keep_below` nothing is asked of it.
     """
     spans = contact_spans(contacts.foot)
-    spans = spans[~_cut_short(spans, len(contacts.down), _SHORTEST * contacts.fps)]
+    spans = spans[~brief(spans, contacts.fps)]
     if not len(spans):
         return ()
     spans = stands(work, spans)
@@ -110,11 +110,9 @@ def credible(
     return tuple(good), tuple(left)
 
 
-def _cut_short(spans: Ints, frames: int, least: float) -> Bools:
-    """(K,) contacts of which the clip shows too little to tell where they are."""
-    cut = (spans[:, 1] == 0) | (spans[:, 2] == frames)
-    whole = (spans[:, 1] == 0) & (spans[:, 2] == frames)
-    return np.asarray(cut & ~whole & (spans[:, 2] - spans[:, 1] < least))
+def brief(spans: Ints, fps: float) -> Bools:
+    """(K,) contacts too short to be placed: the clip cuts them off, or a curve flickers."""
+    return np.asarray(spans[:, 2] - spans[:, 1] < _SHORTEST * fps)
 
 
 def phases_of(plants: tuple[Plant, ...], shape: tuple[int, int]) -> NDArray[np.int8]:

@@ -36,6 +36,7 @@ _INCLINED = math.tan(math.radians(0.2))  # of a belt; a lesser incline is none
 _PADDING = 1.5  # s of the neighbouring cycles
 _SHORTEST_LOOP = 0.4  # s
 _SAME_TURN, _SAME_PLACE = math.radians(0.5), 0.001  # rad, m: a pose that has returned
+_OFF_WEIGHT = 0.01  # by which a weight curve may leave 0 to 1, as thinned keys do
 _BESIDE = 0.5  # of a sole's step: how far that over a loop's seam may be from those beside it
 _UP = np.array([0.0, 0.0, 1.0])
 _IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
@@ -74,7 +75,7 @@ def working(
             off = -belt * (clip.times[:, None] - pad / clip.fps)
             clip, soles = clip.moved(clip.root_positions + off), soles + off[:, None, None]
             positions = positions + off[:, None]
-        phased, weighted = _told(clip, rig) if not settings.redetect else (False, False)
+        phased, weighted = (False, False) if settings.redetect else _told(clip, rig, notes)
         if ground is not None:
             phased = weighted = True  # its floor is known, and whether it is level
         if not (phased or weighted):
@@ -161,8 +162,16 @@ def _require_same_skeleton(clip: Clip, rig: Rig) -> None:
         )
 
 
-def _told(clip: Clip, rig: Rig) -> tuple[bool, bool]:
+def _told(clip: Clip, rig: Rig, notes: list[str]) -> tuple[bool, bool]:
     """Whether curves give the phase of every leg, and whether at least every leg's contact."""
+    for leg in rig.legs:
+        name = weight_curve(leg.name)
+        values = np.asarray(clip.curves.get(name, 0.0))
+        if values.min() < -_OFF_WEIGHT or values.max() > 1.0 + _OFF_WEIGHT:
+            notes.append(
+                f"curve {name!r} goes from {values.min():g} to {values.max():g}; a weight is of 0 "
+                "to 1, and in contact from 0.5 on"
+            )
     phased = [phase_curve(leg.name) in clip.curves for leg in rig.legs]
     weighted = [weight_curve(leg.name) in clip.curves for leg in rig.legs]
     return all(phased), all(p or w for p, w in zip(phased, weighted, strict=True))
