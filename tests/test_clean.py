@@ -206,6 +206,14 @@ def test_contacts_that_no_foot_can_be_held_in_are_left_alone():
     assert not any("left alone" in note for note in asked.report["notes"])
 
 
+@pytest.mark.parametrize("speed", [0.3, 0.35, 0.4])
+def test_a_heel_that_rises_slowly_is_left_to_rise(speed):
+    clip = true_walk(gait.walk(RIG, speed=speed), RIG, cycles=3).clip
+    cleaned = clean(clip, RIG)
+    assert np.abs(joints(cleaned.clip) - joints(clip)).max() < 1e-4
+    assert len(cleaned.plants) >= 6
+
+
 def backwards(clip):
     return replace(
         clip, root_positions=clip.root_positions[::-1].copy(), rotations=clip.rotations[::-1].copy()

@@ -68,30 +68,26 @@ def find(
     found = found_ground(prints, work.scale, settings.snap)
     heels, balls, normals = _held(work, prints, found, ground)
     keep = settings.keep_below * work.scale
-    change, starts, stops = still_ends(work, prints, heels, balls, keep)
+    change, prints = still_ends(work, prints, heels, balls, keep)
     turns = _turns(heels, balls, normals)
-    plants = []
-    for k, start, flat, roll, stop in zip(
-        prints.contact, prints.start, prints.flat, prints.roll, prints.stop, strict=True
-    ):
-        low, high = max(int(start), int(starts[k])), min(int(stop), int(stops[k]))
-        if low >= high:
-            continue
-        plants.append(
-            Plant(
-                foot=int(spans[k, 0]),
-                start=low,
-                flat=min(max(int(flat), low), high),
-                roll=min(max(int(roll), low), high),
-                stop=high,
-                heel=heels[k],
-                ball=balls[k],
-                turn=turns[k],
-                normal=normals[k],
-                change=float(change[k]),
-            )
+    return tuple(
+        Plant(
+            foot=int(spans[k, 0]),
+            start=int(start),
+            flat=int(flat),
+            roll=int(roll),
+            stop=int(stop),
+            heel=heels[k],
+            ball=balls[k],
+            turn=turns[k],
+            normal=normals[k],
+            change=float(change[k]),
         )
-    return tuple(plants)
+        for k, start, flat, roll, stop in zip(
+            prints.contact, prints.start, prints.flat, prints.roll, prints.stop, strict=True
+        )
+        if start < stop
+    )
 
 
 def credible(
