@@ -14,11 +14,13 @@ from footik_runtime.clip import Clip
 from footik_runtime.errors import FootIKError
 from footik_runtime.formats.bvh import read_bvh
 from footik_runtime.offline.clean import clean
+from footik_runtime.offline.measure_clip import compare
 from footik_runtime.offline.skate import GROUNDS, inject, true_walk
 from footik_runtime.offline.stages import CleanSettings
 from footik_runtime.offline.working import unpad, working
 from footik_runtime.phases import Phase, phase_curve
 from footik_runtime.recorded import Run
+from footik_runtime.skeleton import Skeleton
 from footik_runtime.sole import BALL, HEEL, all_sole_points
 
 ROOT = Path(__file__).parent.parent
@@ -181,6 +183,56 @@ def test_a_clean_clip_comes_back_untouched(name, ground):
     assert len(cleaned.plants) >= 8
 
 
+@pytest.mark.parametrize("name", ["walk", "slow"])
+def test_a_clean_stair_walk_cut_anywhere_comes_back_untouched(name):
+    """Before its first plant and after its last a foot may stand on any step."""
+    clip = TRUTHS[name, "stairs"].clip
+    for frame in (10, 16, 22, 28, 40):
+        for part in (clip.cut(frame, len(clip)), clip.cut(0, len(clip) - frame)):
+            cleaned = clean(part, RIG)
+            assert np.abs(joints(cleaned.clip) - joints(part)).max() < 1e-3, frame
+            assert cleaned.plants
+
+
+def test_contacts_that_no_foot_can_be_held_in_are_left_alone():
+    """Feet that glide far while slow, as those of a body that sits down or dances do, not stand."""
+    clip = inject(TRUTHS["walk", "flat"], "constant", 0.2)
+    cleaned = clean(clip, RIG)
+    assert not cleaned.plants
+    assert (joints(cleaned.clip) == joints(clip)).all()
+    assert any("left alone" in note for note in cleaned.report["notes"])
+    asked = clean(clip, RIG, settings=CleanSettings(leave_above=1.0))
+    assert len(asked.plants) >= 8
+    assert not any("left alone" in note for note in asked.report["notes"])
+
+
+@pytest.mark.parametrize("speed", [0.3, 0.35, 0.4])
+def test_a_heel_that_rises_slowly_is_left_to_rise(speed):
+    clip = true_walk(gait.walk(RIG, speed=speed), RIG, cycles=3).clip
+    cleaned = clean(clip, RIG)
+    assert np.abs(joints(cleaned.clip) - joints(clip)).max() < 1e-4
+    assert len(cleaned.plants) >= 6
+
+
+def backwards(clip):
+    return replace(
+        clip, root_positions=clip.root_positions[::-1].copy(), rotations=clip.rotations[::-1].copy()
+    )
+
+
+@pytest.mark.parametrize("ground", GROUNDS)
+@pytest.mark.parametrize("name", ["walk", "slow"])
+def test_walks_backwards_are_cleaned_as_walks_are(name, ground):
+    """A foot that comes down over its ball and leaves over its heel."""
+    truth = TRUTHS[name, ground]
+    clean_clip = backwards(truth.clip)
+    cleaned = clean(clean_clip, RIG)
+    assert np.abs(joints(cleaned.clip) - joints(clean_clip)).max() < 1e-4
+    stands = truth.phases[::-1] > 0
+    assert (cleaned.phases == truth.phases[::-1])[stands].mean() > 0.93
+    Figures(backwards(inject(truth, "constant", 0.03, seed=1)), RIG).check()
+
+
 def test_what_is_clean_keeps_every_bit():
     truth = TRUTHS["walk", "flat"]
     cleaned = clean(truth.clip, RIG).clip
@@ -244,6 +296,43 @@ def test_loops_stay_seamless(name):
     assert np.abs(joints(second) - places).max() < 2e-4
 
 
+def under_a_still_root(clip):
+    """The clip and its rig under one more joint, which stays while translations carry the hips."""
+    bones = clip.skeleton
+    skeleton = Skeleton(
+        names=("world", *bones.names),
+        parents=np.concatenate([[-1], bones.parents + 1]),
+        offsets=np.vstack([np.zeros(3), bones.offsets]),
+        rest_rotations=np.vstack([[1.0, 0.0, 0.0, 0.0], bones.rest_rotations]),
+    )
+    translations = np.tile(skeleton.offsets, (len(clip), 1, 1))
+    translations[:, 1] = clip.root_positions
+    still = np.tile([1.0, 0.0, 0.0, 0.0], (len(clip), 1, 1))
+    carried = Clip(
+        skeleton=skeleton,
+        fps=clip.fps,
+        loop=clip.loop,
+        root_positions=np.zeros((len(clip), 3)),
+        rotations=np.concatenate([still, clip.rotations], axis=1),
+        translations=translations,
+    )
+    parts = ("hip", "knee", "ankle", "toe")
+    legs = tuple(replace(g, **{p: getattr(g, p) + 1 for p in parts}) for g in RIG.legs)
+    return carried, replace(RIG, skeleton=skeleton, hips=RIG.hips + 1, legs=legs)
+
+
+@pytest.mark.parametrize("name", ["loop", "loop that does not say so", "turn"])
+def test_hips_that_translations_carry_travel_as_a_root_does(name):
+    clip = skating_loop("walk")
+    if name == "turn":
+        clip = replace(gait.turn_in_place(RIG), curves={})
+    clip = replace(clip, loop=name != "loop that does not say so")
+    plain, (carried, rig) = clean(clip, RIG), under_a_still_root(clip)
+    cleaned = clean(carried, rig)
+    assert (cleaned.phases == plain.phases).all()
+    assert np.abs(joints(cleaned.clip)[:, 1:] - joints(plain.clip)).max() < 1e-9
+
+
 def test_in_place_clips_stay_in_place():
     clip = skating_loop("walk")
     travel = np.arange(len(clip))[:, None] / (len(clip) - 1) * clip.stride()[1]
@@ -252,6 +341,39 @@ def test_in_place_clips_stay_in_place():
     assert np.linalg.norm(cleaned.clip.stride()[1]) < 1e-9
     assert np.ptp(cleaned.clip.root_positions[:, 0]) < 0.05
     assert cleaned.report["plants"]
+
+
+@pytest.mark.parametrize("kind", SKATES)
+@pytest.mark.parametrize("frames", [(0, 257), (10, 180), (5, 111)])
+def test_in_place_clips_cleaned_twice_stay(kind, frames):
+    clip = inject(TRUTHS["walk", "flat"], kind, SKATES[kind]).cut(*frames)
+    still = replace(clip, root_positions=clip.root_positions * [0.0, 1.0, 1.0])
+    once = clean(still, RIG)
+    assert len(once.plants) >= 4
+    assert np.abs(joints(clean(once.clip, RIG).clip) - joints(once.clip)).max() < 1e-3
+
+
+@pytest.mark.parametrize("climb", [0.0, 0.1])
+def test_in_place_clips_stand_still_on_a_true_ground_too(climb):
+    """It is the ground of the clip's own frame: on a belt that climbs it stays where it is."""
+    truth = TRUTHS["walk", "flat"]
+    clip = inject(truth, "constant", 0.03)
+    still = replace(clip, root_positions=clip.root_positions * [0.0, 1.0, 1.0])
+    ground: Any = SimpleNamespace(
+        height=lambda p: climb * p[:, 0],
+        normal=lambda p: np.tile(qa.unit(np.array([-climb, 0.0, 1.0])), (len(p), 1)),
+    )
+    alone, cleaned = clean(still, RIG), clean(still, RIG, ground=ground)
+    assert len(cleaned.plants) == len(alone.plants) >= 8
+    assert cleaned.report["contacts"]["belt"] != [0.0, 0.0, 0.0]
+    after = compare(still, cleaned)["after"]
+    assert after["pinned_point_speed"] < 1e-3
+    soles = all_sole_points(cleaned.rig, *cleaned.clip.model_pose())
+    for plant in cleaned.plants:
+        middle = (plant.start + plant.stop - 1) // 2
+        heel, ball = soles[middle, plant.foot, :2]
+        assert abs(heel[2] - climb * heel[0]) < 0.004 or middle >= plant.roll
+        assert abs(ball[2] - climb * ball[0]) < 0.004 or middle < plant.flat
 
 
 def test_true_ground_is_used():
@@ -278,6 +400,38 @@ def test_contact_that_curves_tell_is_kept():
     assert (cleaned.phases > 0).sum() > 0.75 * (told > 0).sum()
 
 
+@pytest.mark.parametrize("length", [1, 3, 6])
+def test_curves_that_flicker_or_make_no_sense_do_no_harm(length):
+    truth = TRUTHS["walk", "flat"]
+    clip = inject(truth, "constant", 0.03)
+    flicker = (np.arange(len(clip)) // length % 2).astype(float)
+    told = clip.with_curves(LeftFootIKWeight=flicker, RightFootIKWeight=flicker)
+    cleaned = clean(told, RIG)
+    moved = np.linalg.norm(joints(cleaned.clip) - joints(clip), axis=-1).max()
+    assert moved < 0.1
+    if length < 5:
+        assert not cleaned.plants
+        assert any("too short" in note for note in cleaned.report["notes"])
+
+
+def test_phases_at_random_move_no_foot_far():
+    clip = TRUTHS["walk", "flat"].clip
+    phases = np.random.default_rng(0).integers(0, 4, (2, len(clip))).astype(float)
+    cleaned = clean(clip.with_curves(LeftFootPhase=phases[0], RightFootPhase=phases[1]), RIG)
+    ankles = [leg.ankle for leg in RIG.legs]
+    moved = joints(cleaned.clip)[:, ankles] - joints(clip)[:, ankles]
+    assert np.linalg.norm(moved, axis=-1).max() < 0.1
+
+
+def test_weights_that_are_none_are_told():
+    clip = TRUTHS["walk", "flat"].clip
+    odd = clip.with_curves(LeftFootIKWeight=np.full(len(clip), 7.0))
+    notes = clean(odd, RIG).report["notes"]
+    assert any("LeftFootIKWeight" in note and "7" in note for note in notes)
+    notes = clean(odd, RIG, settings=CleanSettings(redetect=True)).report["notes"]
+    assert not any("LeftFootIKWeight" in note for note in notes)
+
+
 @pytest.mark.parametrize("frames", [1, 2, 3, 4, 10])
 def test_short_clips_come_back(frames):
     clip = inject(TRUTHS["walk", "flat"], "constant", 0.03).cut(20, 20 + frames)
@@ -285,6 +439,7 @@ def test_short_clips_come_back(frames):
     assert len(cleaned.clip) == frames
     assert np.isfinite(cleaned.clip.rotations).all()
     assert cleaned.phases.shape == (frames, 2)
+    assert not cleaned.plants or frames >= 0.08 * clip.fps
     if frames < 3:
         assert "too few" in cleaned.report["notes"][-1]
         assert (cleaned.clip.rotations == clip.rotations).all()

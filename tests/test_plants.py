@@ -11,7 +11,7 @@ from footik_runtime import quat_arrays as qa
 from footik_runtime.builtin import humanoid_rig
 from footik_runtime.offline.filters import contact_spans, runs
 from footik_runtime.offline.footprints import footprints
-from footik_runtime.offline.plants import find, found_ground, phases_of
+from footik_runtime.offline.plants import credible, find, found_ground, phases_of
 from footik_runtime.offline.skate import GROUNDS, KINDS, inject, true_walk, working_of
 from footik_runtime.offline.stages import CleanSettings, Contacts
 from footik_runtime.phases import Phase
@@ -238,7 +238,8 @@ def test_no_contact_no_plant_and_a_cut_contact_is_one():
     plants = found(FLAT.clip, phases)
     assert plants
     assert all(p.foot == 0 and np.isfinite(p.heel).all() for p in plants)
-    assert found(FLAT.clip.cut(0, 1), np.full((1, 2), Phase.FLAT))
+    assert found(FLAT.clip.cut(0, 1), np.full((1, 2), Phase.FLAT)) == ()
+    assert len(found(FLAT.clip.cut(20, 26), np.full((6, 2), Phase.FLAT))) == 2
 
 
 @given(hnp.arrays(bool, st.tuples(st.integers(0, 30), st.integers(1, 4))))
@@ -285,3 +286,14 @@ def test_a_ball_of_a_held_foot_is_as_far_from_its_heel_as_the_sole_says():
         assert np.linalg.norm(p.ball - p.heel) == pytest.approx(sole.heel + sole.ball)
         assert HEEL != BALL
         assert p.normal[2] > 0.99
+
+
+def test_plants_that_go_far_or_stand_steep_are_not_credible():
+    truth = TRUTHS["flat"]
+    work = working_of(truth.clip, RIG)
+    plants = find(work, contacts_of(truth.phases, truth.clip.fps), SETTINGS)
+    assert credible(work, plants, SETTINGS) == (plants, ())
+    far = replace(plants[1], change=1.1 * SETTINGS.leave_above * work.scale)
+    steep = replace(plants[2], normal=np.array([np.sin(1.0), 0.0, np.cos(1.0)]))
+    mixed = (plants[0], far, steep, *plants[3:])
+    assert credible(work, mixed, SETTINGS) == ((plants[0], *plants[3:]), (far, steep))

@@ -11,7 +11,7 @@ from footik_runtime.builtin import humanoid_rig
 from footik_runtime.offline.footing import poses
 from footik_runtime.offline.plants import find
 from footik_runtime.offline.skate import inject, true_walk, working_of
-from footik_runtime.offline.spread import heights_under, moved_soles, spread
+from footik_runtime.offline.spread import heights_under, lowest_in_swing, moved_soles, spread
 from footik_runtime.offline.stages import CleanSettings, Contacts, FootPaths
 from footik_runtime.sole import BALL, HEEL, TIP
 
@@ -35,6 +35,7 @@ def contacts_of(phases, fps=60.0):
 
 
 PLANTS = find(WORK, contacts_of(FLAT.phases), SETTINGS)
+MOVED = tuple(replace(p, change=0.02) for p in PLANTS)  # of feet that may be deep in swing, too
 
 
 def paths_of(spans, frames=None):
@@ -122,7 +123,7 @@ def test_a_foot_pushed_into_the_ground_is_lifted_smoothly():
         soles=np.where(pinned[..., None, None], work.soles, work.soles - [0.0, 0.0, 0.02]),
     )
     assert low[~pinned].min() < 0.015
-    out = spread(paths, sunk, PLANTS, SETTINGS)
+    out = spread(paths, sunk, MOVED, SETTINGS)
     # `sunk` was so deep already: only what is deeper than 3 mm is taken out.
     lift = out.moves[..., 2]
     assert lift.max() > 0.005
@@ -147,7 +148,7 @@ def test_toes_bend_out_of_the_ground():
     assert asked.min() < -0.01
     # `spread` fills the swings itself; what it is given there is replaced where plants ask nothing.
     sunk = replace(WORK, soles=moved_soles(WORK, paths))
-    out = spread(replace(paths, toe_turns=still.copy()), sunk, PLANTS, SETTINGS)
+    out = spread(replace(paths, toe_turns=still.copy()), sunk, MOVED, SETTINGS)
     soles = moved_soles(sunk, out)
     assert soles[..., TIP, 2][~pinned].min() > -0.003 * WORK.scale - 1e-6
     assert not out.toe_turns[pinned].any()
@@ -161,6 +162,27 @@ def test_no_swing_is_deeper_than_it_was_or_three_millimetres():
     soles = moved_soles(work, paths)
     depth = (heights_under(soles, plants) - soles[..., 2]).max(axis=-1)
     assert depth[~paths.pinned].max() < 0.003
+
+
+def test_ground_before_the_first_plant_is_no_higher_than_the_foot_that_may_be_elsewhere():
+    first = tuple(p for p in PLANTS if p.start > 20)
+    for deep, change, elsewhere in ((0.02, 0.0, True), (0.02, 0.02, False), (0.05, 0.02, True)):
+        low = WORK.soles.copy()
+        low[:20] -= [0.0, 0.0, deep]
+        plants = tuple(replace(p, change=change) for p in first)
+        heights = heights_under(low, plants, lowest=lowest_in_swing(low, plants, WORK.scale))
+        under = (heights[:20] - low[:20, ..., 2]).max()
+        assert (under < 1e-9) if elsewhere else (under > 0.01)
+
+
+def test_a_foot_that_goes_far_below_both_its_plants_is_over_lower_ground():
+    one, other = [p for p in PLANTS if p.foot == 0][:2]
+    low = WORK.soles.copy()
+    low[one.stop : other.start, 0] -= [0.0, 0.0, 0.2]
+    lowest = lowest_in_swing(low, PLANTS, WORK.scale)
+    under = heights_under(low, PLANTS, lowest) - low[..., 2]
+    assert under[one.stop : other.start, 0].max() < 1e-9
+    assert np.isinf(lowest[one.start : one.stop, 0]).all()
 
 
 def test_ground_is_that_of_the_plant_and_the_lower_of_two_in_swing():

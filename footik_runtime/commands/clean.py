@@ -50,6 +50,7 @@ def clean(
     level: bool = False,
     redetect: bool = False,
     ease: float = CleanSettings.ease,
+    leave_above: float = CleanSettings.leave_above,
     curves: bool = True,
     replace: bool = False,
     export: str | None = None,
@@ -70,6 +71,7 @@ def clean(
         level: write the clip with its floor's tilt taken out.
         redetect: find contacts anew, whatever the clip's curves say.
         ease: s over which an adjustment fades into a swing.
+        leave_above: m, for a leg of 0.85 m; a contact that would move its foot farther is none.
         curves: bake the contact curves.
         replace: replace curves of these names that the clip has; without, those stay.
         export: curves for an engine beside the result: unity, unity-meta, unreal or csv.
@@ -85,6 +87,7 @@ def clean(
         level=level,
         redetect=redetect,
         ease=ease,
+        leave_above=leave_above,
     )
     baking = BakeSettings(replace=replace) if curves else None
     ground = _ground(terrain, floor)

@@ -7,6 +7,7 @@ there, so that `>= .5` at the frames is the contact again and no frame is ever a
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -115,7 +116,15 @@ def weight_keys(down: Bools, fps: float, settings: BakeSettings, *, loop: bool =
         return _ramps(cycle, fps, settings)
     duration = (frames - 1) / fps
     # The ramps of the neighbouring cycles reach over the seam.
-    return _ramps(np.tile(cycle, 3), fps, settings).part(duration, 2.0 * duration)
+    keys = _ramps(np.tile(cycle, 3), fps, settings).part(duration, 2.0 * duration)
+    return _closed(keys)
+
+
+def _closed(keys: Keys) -> Keys:
+    """Keys whose last value and slope are those of the first to the last bit, on one curve."""
+    values, slopes = keys.values.copy(), keys.slopes.copy()
+    values[-1], slopes[-1] = values[0], slopes[0]
+    return replace(keys, values=values, slopes=slopes)
 
 
 def _ramps(down: Bools, fps: float, settings: BakeSettings) -> Keys:

@@ -17,6 +17,7 @@ from footik_runtime import quat_arrays
 from footik_runtime.clip import Clip
 from footik_runtime.compiled import compiled
 from footik_runtime.offline import detect, footing, footplant, plants, root, solve_legs, spread
+from footik_runtime.offline.filters import contact_spans
 from footik_runtime.offline.stages import (
     Array,
     Cleaned,
@@ -26,10 +27,11 @@ from footik_runtime.offline.stages import (
     Plant,
     Working,
 )
-from footik_runtime.offline.working import fitted_rig, unpad, working
+from footik_runtime.offline.working import fitted_rig, stride, unpad, working
 from footik_runtime.rig import Rig, find_rig
 
 _FEWEST_FRAMES = 3
+_MOST_TOLD = 4  # contacts that a note names
 
 
 def clean(
@@ -58,13 +60,15 @@ def clean(
     if len(clip) < _FEWEST_FRAMES:
         return _untouched(clip, rig, work)
     contacts = detect.of_clip(work, settings)
-    found = plants.find(work, contacts, settings, ground)
+    found, left = plants.credible(work, plants.find(work, contacts, settings, ground), settings)
+    notes = _left_alone(work, _within(left, work)) + _flickers(_cropped(contacts, work))
+    work = replace(work, notes=(*work.notes, *notes))
     paths = spread.spread(footing.poses(work, found, settings), work, found, settings, ground)
     root_moves = root.place(work, paths, settings)
     rotations, translations, reached = solve_legs.solve(work, paths, root_moves, settings)
     moves = unpad(work, root_moves).copy()
     if work.pad and work.closed:
-        moves[-1] = quat_arrays.rotate(_turn(clip), moves[0])
+        moves[-1] = quat_arrays.rotate(_turn(clip, rig), moves[0])
     within = _within(found, work)
     cleaned = _put_back(clip, work, moves, rotations, translations, settings)
     return Cleaned(
@@ -78,6 +82,28 @@ def clean(
         ground=ground,
         levelled=settings.level,
         report=_report(work, contacts, within, moves, reached | ~paths.pinned),
+    )
+
+
+def _left_alone(work: Working, left: tuple[Plant, ...]) -> list[str]:
+    """What is said of contacts in which no foot is held."""
+    if not left:
+        return []
+    spans = sorted({(p.foot, p.start, p.stop) for p in left})
+    where = ", ".join(f"{work.rig.legs[f].name} {a}-{b - 1}" for f, a, b in spans[:_MOST_TOLD])
+    more = ", ..." if len(spans) > _MOST_TOLD else ""
+    return [
+        f"left alone, for a foot held there would go far or stand steep: {where}{more} (frames)"
+    ]
+
+
+def _flickers(contacts: Contacts) -> list[str]:
+    """What is said of contacts too short to be placed, which only curves tell."""
+    spans = contact_spans(contacts.foot)
+    inside = (spans[:, 1] > 0) & (spans[:, 2] < len(contacts.down))
+    count = int((inside & plants.brief(spans, contacts.fps)).sum())
+    return (
+        [f"left alone, for they are too short: {count} contacts that curves tell"] if count else []
     )
 
 
@@ -107,9 +133,9 @@ def _untouched(clip: Clip, rig: Rig, work: Working) -> Cleaned:
     )
 
 
-def _turn(clip: Clip) -> Array:
+def _turn(clip: Clip, rig: Rig) -> Array:
     """(4,) what a loop's heading turns by in a cycle."""
-    return quat_arrays.about([0.0, 0.0, 1.0], np.array(clip.stride()[0]))
+    return quat_arrays.about([0.0, 0.0, 1.0], np.array(stride(clip, rig)[0]))
 
 
 def _put_back(

@@ -89,10 +89,15 @@ def _pose_plants(
         under_heel, under_ball = (-back, 0.0, -height), (front, 0.0, -height)
         before, after = _flat_before(spans, s), _flat_after(spans, s)
         lands = after and not before and flat == roll
+        leaves = before and flat == stop
         lowest = np.inf
         for i in range(start, stop):
             # What lands comes down as what leaves peels off: from the flat foot backwards.
-            t = start + flat - 1 - i if i < flat else roll + stop - 1 - i if lands else i
+            t = i
+            if i < flat and not leaves:
+                t = start + flat - 1 - i
+            elif i >= roll and lands:
+                t = roll + stop - 1 - i
             if i == roll:
                 lowest = np.inf
             given = quat_mul(get4(rotations[t, ankle]), frame)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,19 +79,22 @@ def footprints(work: Working, contacts: Contacts, spans: Ints) -> Footprints:
 
 def still_ends(
     work: Working, prints: Footprints, heels: Array, balls: Array, keep: float
-) -> tuple[Array, Ints, Ints]:
-    """(K,) change of each contact, m, and its first frame and frame after its last.
+) -> tuple[Array, Footprints]:
+    """(K,) change of each contact, m, and the footprints without the frames that do not stand.
 
-    A contact found from motion may reach a frame or two into the swings around it. Where a foot
-    stands to within `keep`, the frames at its ends that do not are left out.
+    A contact found from motion may reach a frame or two into the swings around it, and the flat
+    foot into those in which its heel already rises, slowly. Where a foot stands to within `keep`,
+    the frames at its ends that do not are left out, and a foot is flat while both its ends stand.
     """
-    change = np.zeros(len(prints.spans))
-    starts, stops = prints.spans[:, 1].copy(), prints.spans[:, 2].copy()
+    change, spans = np.zeros(len(prints.spans)), prints.spans.copy()
     parts = np.stack([prints.contact, prints.start, prints.flat, prints.roll, prints.stop], axis=1)
     most = math.ceil(_MOST_TRIMMED * prints.fps)
-    hovers = HOVERS * work.scale
-    _trim(work.soles, prints.spans, parts, heels, balls, keep, hovers, most, change, starts, stops)
-    return change, starts, stops
+    _trim(work.soles, spans, parts, heels, balls, keep, HOVERS * work.scale, most, change)
+    contact, start, flat, roll, stop = parts.T
+    trimmed = replace(
+        prints, spans=spans, contact=contact, start=start, flat=flat, roll=roll, stop=stop
+    )
+    return change, trimmed
 
 
 @compiled
@@ -177,7 +180,8 @@ def _off(soles, foot, t, phase, heel, ball, hovers):
 
 
 @compiled
-def _trim(soles, spans, parts, heels, balls, keep, hovers, most, change, starts, stops):
+def _trim(soles, spans, parts, heels, balls, keep, hovers, most, change):
+    """Write the change of each contact, and take off its spans and parts what does not stand."""
     first = 0
     for k in range(spans.shape[0]):
         foot, start, stop = spans[k, 0], spans[k, 1], spans[k, 2]
@@ -186,15 +190,39 @@ def _trim(soles, spans, parts, heels, balls, keep, hovers, most, change, starts,
         still, low, high = 0, stop, start
         while last < parts.shape[0] and parts[last, 0] == k:
             for t in range(parts[last, 1], parts[last, 4]):
-                off = _off(soles, foot, t, phase_at(parts, last, t), heel, ball, hovers)
-                if off < keep:
+                if _off(soles, foot, t, phase_at(parts, last, t), heel, ball, hovers) < keep:
                     still += 1
                     low, high = min(low, t), max(high, t + 1)
             last += 1
-        if still >= _MOSTLY * (stop - start) and low - start <= most and stop - high <= most:
-            starts[k], stops[k] = low, high
+        if still >= _MOSTLY * (stop - start):
+            if low - start <= most and stop - high <= most:
+                spans[k, 1], spans[k, 2] = low, high
+            for s in range(first, last):
+                _flat_while_still(soles, foot, parts, s, stop, heel, ball, hovers, keep, most)
         for s in range(first, last):
-            for t in range(max(parts[s, 1], starts[k]), min(parts[s, 4], stops[k])):
+            for c in range(1, 5):
+                parts[s, c] = min(max(parts[s, c], spans[k, 1]), spans[k, 2])
+            for t in range(parts[s, 1], parts[s, 4]):
                 off = _off(soles, foot, t, phase_at(parts, s, t), heel, ball, hovers)
                 change[k] = max(change[k], off)
         first = last
+
+
+@compiled
+def _flat_while_still(soles, foot, parts, s, stop, heel, ball, hovers, keep, most):
+    """Let a stretch be flat no longer than both ends of the foot stand, if one stands longer."""
+    flat, roll = parts[s, 2], parts[s, 3]
+    earliest, latest = roll - most, flat + most
+    if roll < parts[s, 4] or roll == stop:
+        while roll > max(flat + 1, earliest) and (
+            _off(soles, foot, roll - 1, FLAT, heel, ball, hovers) >= keep
+            and _off(soles, foot, roll - 1, BALL, heel, ball, hovers) < keep
+        ):
+            roll -= 1
+    if flat > parts[s, 1]:
+        while flat < min(roll - 1, latest) and (
+            _off(soles, foot, flat, FLAT, heel, ball, hovers) >= keep
+            and _off(soles, foot, flat, HEEL, heel, ball, hovers) < keep
+        ):
+            flat += 1
+    parts[s, 2], parts[s, 3] = flat, roll

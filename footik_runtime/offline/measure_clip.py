@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from footik_runtime.clip import Clip
 from footik_runtime.measures import pinned_point_speed
 from footik_runtime.metrics import score
-from footik_runtime.offline.spread import heights_under
+from footik_runtime.offline.spread import heights_on, heights_under, lowest_in_swing
 from footik_runtime.offline.stages import Cleaned
-from footik_runtime.offline.working import as_worked
+from footik_runtime.offline.working import as_worked, unpad
 from footik_runtime.recorded import Run
 from footik_runtime.sole import BALL, all_sole_points
 
@@ -52,7 +52,14 @@ def ground_of(cleaned: Cleaned, soles: Array) -> Array:
 
     Under a foot that never stands it is that of the lowest plant of the others, or 0.
     """
-    heights = heights_under(soles, cleaned.plants, cleaned.ground)
+    work, plants = cleaned.work, cleaned.plants
+    if work is None:
+        heights = heights_under(soles, plants)
+    elif cleaned.ground is not None:
+        heights = heights_on(cleaned.ground, soles, unpad(work, work.shift))
+    else:
+        lowest = lowest_in_swing(unpad(work, work.soles), plants, work.scale)
+        heights = heights_under(soles, plants, lowest)
     known = np.isfinite(heights)
     return np.where(known, heights, heights[known].min() if known.any() else 0.0)
 

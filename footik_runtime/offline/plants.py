@@ -31,9 +31,10 @@ _MADE = 0.001  # m: the same where feet stand quite still, so that their heights
 _PER_WOBBLE = 4.0  # and between: this times what a foot's height varies by while it stands
 _STEEP = math.radians(4.0)  # a plane steeper than this must show in the soles
 _PITCHED = math.radians(5.0)  # a foot that stands so on its own tells its ground
+_STEEPEST = math.radians(35.0)  # ground on which a foot still stands
 _NARROW = 0.12  # m: plants spread less than this say nothing of the slope that way
 _ONE_TREAD = 1.0  # s between plants that may share a tread
-_SHORTEST = 0.08  # s of a contact that the clip cuts off
+_SHORTEST = 0.08  # s of a contact that is placed
 _UP = np.array([0.0, 0.0, 1.0])
 
 
@@ -59,7 +60,7 @@ def find(
     footprint. `change` is that of the whole contact; under `keep_below` nothing is asked of it.
     """
     spans = contact_spans(contacts.foot)
-    spans = spans[~_cut_short(spans, len(contacts.down), _SHORTEST * contacts.fps)]
+    spans = spans[~brief(spans, contacts.fps)]
     if not len(spans):
         return ()
     spans = stands(work, spans)
@@ -67,37 +68,47 @@ def find(
     found = found_ground(prints, work.scale, settings.snap)
     heels, balls, normals = _held(work, prints, found, ground)
     keep = settings.keep_below * work.scale
-    change, starts, stops = still_ends(work, prints, heels, balls, keep)
+    change, prints = still_ends(work, prints, heels, balls, keep)
     turns = _turns(heels, balls, normals)
-    plants = []
-    for k, start, flat, roll, stop in zip(
-        prints.contact, prints.start, prints.flat, prints.roll, prints.stop, strict=True
-    ):
-        low, high = max(int(start), int(starts[k])), min(int(stop), int(stops[k]))
-        if low >= high:
-            continue
-        plants.append(
-            Plant(
-                foot=int(spans[k, 0]),
-                start=low,
-                flat=min(max(int(flat), low), high),
-                roll=min(max(int(roll), low), high),
-                stop=high,
-                heel=heels[k],
-                ball=balls[k],
-                turn=turns[k],
-                normal=normals[k],
-                change=float(change[k]),
-            )
+    return tuple(
+        Plant(
+            foot=int(spans[k, 0]),
+            start=int(start),
+            flat=int(flat),
+            roll=int(roll),
+            stop=int(stop),
+            heel=heels[k],
+            ball=balls[k],
+            turn=turns[k],
+            normal=normals[k],
+            change=float(change[k]),
         )
-    return tuple(plants)
+        for k, start, flat, roll, stop in zip(
+            prints.contact, prints.start, prints.flat, prints.roll, prints.stop, strict=True
+        )
+        if start < stop
+    )
 
 
-def _cut_short(spans: Ints, frames: int, least: float) -> Bools:
-    """(K,) contacts of which the clip shows too little to tell where they are."""
-    cut = (spans[:, 1] == 0) | (spans[:, 2] == frames)
-    whole = (spans[:, 1] == 0) & (spans[:, 2] == frames)
-    return np.asarray(cut & ~whole & (spans[:, 2] - spans[:, 1] < least))
+def credible(
+    work: Working, found: tuple[Plant, ...], settings: CleanSettings
+) -> tuple[tuple[Plant, ...], tuple[Plant, ...]]:
+    """The plants in which a foot can have stood, and the others, which are better left alone.
+
+    Where a body sits, lies, rolls or jumps, feet are slow without standing: held, they would go
+    far, or stand on ground as steep as a shin that lies.
+    """
+    most = settings.leave_above * work.scale
+    level = math.cos(_STEEPEST)
+    good, left = [], []
+    for plant in found:
+        (good if plant.change <= most and plant.normal[2] >= level else left).append(plant)
+    return tuple(good), tuple(left)
+
+
+def brief(spans: Ints, fps: float) -> Bools:
+    """(K,) contacts too short to be placed: the clip cuts them off, or a curve flickers."""
+    return np.asarray(spans[:, 2] - spans[:, 1] < _SHORTEST * fps)
 
 
 def phases_of(plants: tuple[Plant, ...], shape: tuple[int, int]) -> NDArray[np.int8]:
@@ -208,19 +219,25 @@ def _held(
     heels, balls = middle - heel[:, None] * along, middle + ball[:, None] * along
     if ground is None:
         return heels, balls, normals
-    return _on_given(ground, heels, balls, normals)
+    # Over a belt the ground of the clip passes under a plant: it lies as in the plant's middle.
+    middles = (prints.spans[:, 1] + prints.spans[:, 2] - 1) // 2
+    return _on_given(ground, heels, balls, normals, work.shift[middles])
 
 
 def _on_given(
-    ground: Ground, heels: Array, balls: Array, normals: Array
+    ground: Ground, heels: Array, balls: Array, normals: Array, shift: Array
 ) -> tuple[Array, Array, Array]:
-    """The same on the true ground; where it has none, on the found."""
+    """The same on the true ground; where it has none, on the found.
+
+    shift: (K, 3) by which the working clip is off the clip whose ground it is.
+    """
     length = np.linalg.norm(balls - heels, axis=1, keepdims=True)
     low, high = heels.copy(), balls.copy()
-    low[:, 2], high[:, 2] = ground.height(heels), ground.height(balls)
+    low[:, 2] = ground.height(heels - shift) + shift[:, 2]
+    high[:, 2] = ground.height(balls - shift) + shift[:, 2]
     known = (np.isfinite(low[:, 2]) & np.isfinite(high[:, 2]))[:, None]
     along = quat_arrays.unit(np.where(known, high - low, balls - heels))
-    true = ground.normal(np.where(known, 0.5 * (low + high), 0.5 * (heels + balls)))
+    true = ground.normal(np.where(known, 0.5 * (low + high), 0.5 * (heels + balls)) - shift)
     normal = quat_arrays.unit(true - along * np.sum(true * along, axis=1, keepdims=True))
     good = known & np.isfinite(normal).all(axis=1, keepdims=True) & (normal[:, 2:] > 0.1)
     held = np.where(good, low, heels)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -32,6 +34,8 @@ Array = NDArray[np.float64]
 
 # Of a body whose legs are 0.85 m long; lengths scale with the leg.
 _DEEPER, _DEEPEST = 0.001, 0.003  # m: a swing may be this much deeper than it was, or this deep
+_ANOTHER = 0.03  # m under a plant's plane from which a foot is over other ground, surely
+_PER_CHANGE = 4.0  # and what its plant changes, times this: a foot that stands well swings well
 _LIFT = 0.06  # s either side over which a foot is lifted out of the ground
 _INWARD, _OUTWARD, _SIDEWAYS = 4.0, 0.9, 1.0  # times |offset| / duration: overshoots by a tenth
 
@@ -68,15 +72,23 @@ def moved_soles(work: Working, paths: FootPaths) -> Array:
     return points
 
 
-def heights_under(points: Array, plants: tuple[Plant, ...], ground: Ground | None = None) -> Array:
-    """(N, F, P) height of the ground under points (N, F, P, 3) of each foot, m.
+def heights_on(ground: Ground, points: Array, shift: Array) -> Array:
+    """(N, F, P) height of the given ground under points (N, F, P, 3) of the working clip, m.
 
-    Without a given ground it is that of the plant the foot is in, and in a swing the lower of the
-    plants before and after; -inf for a foot that never stands.
+    shift: (N, 3) m, by which the working clip is off the clip whose ground it is. -inf where there
+    is no ground.
     """
-    if ground is not None:
-        flat = ground.height(points.reshape(-1, 3)).reshape(points.shape[:-1])
-        return np.where(np.isfinite(flat), flat, -np.inf)
+    at = (points - shift[:, None, None]).reshape(-1, 3)
+    heights = ground.height(at).reshape(points.shape[:-1]) + shift[:, None, None, 2]
+    return np.where(np.isfinite(heights), heights, -np.inf)
+
+
+def heights_under(points: Array, plants: tuple[Plant, ...], lowest: Array | None = None) -> Array:
+    """(N, F, P) height of the ground under points (N, F, P, 3) of each foot, told by the plants, m.
+
+    It is that of the plant the foot is in, and in a swing the lower of the plants before and after;
+    -inf for a foot that never stands. No higher than `lowest` (N, F), from `lowest_in_swing`.
+    """
     heights = np.full(points.shape[:-1], np.inf)
     for foot in range(points.shape[1]):
         own = [p for p in plants if p.foot == foot]
@@ -86,22 +98,50 @@ def heights_under(points: Array, plants: tuple[Plant, ...], ground: Ground | Non
         spans = np.array([(p.start, p.stop) for p in own])
         planes = np.array([(p.heel, p.normal) for p in own])
         _plane_heights(points[:, foot], spans, planes, heights[:, foot])
-    return heights
+    return heights if lowest is None else np.minimum(heights, lowest[..., None])
+
+
+def lowest_in_swing(soles: Array, plants: tuple[Plant, ...], scale: float) -> Array:
+    """(N, F) m, how low the ground may be in each swing; infinite where nothing says so.
+
+    What lies between two plants, or before the first and after the last, is not known: where soles
+    (N, F, 3, 3) come so low that they cannot be in the ground of the plants beside, the ground is
+    no higher than they are. Next to a plant that changes little a foot is not deep.
+    """
+    lowest = np.full(soles.shape[:2], np.inf)
+    heights = soles[..., 2].min(axis=-1)
+    under = (heights_under(soles, plants) - soles[..., 2])[..., :TIP].max(axis=-1)
+    for foot in range(soles.shape[1]):
+        for swing, change in _swings([p for p in plants if p.foot == foot], len(soles)):
+            elsewhere = under[swing, foot] > min(_ANOTHER * scale, _PER_CHANGE * change)
+            if elsewhere.any():
+                lowest[swing, foot] = heights[swing, foot][elsewhere].min()
+    return lowest
+
+
+def _swings(own: list[Plant], frames: int) -> Iterator[tuple[slice, float]]:
+    """The swings of one foot, and what the plants beside them change at most, m."""
+    for before, after in itertools.pairwise([None, *own, None]):
+        start, stop = before.stop if before else 0, after.start if after else frames
+        if start < stop and (before or after):
+            yield slice(start, stop), max(p.change for p in (before, after) if p)
 
 
 def _clear(
-    paths: FootPaths, work: Working, plants: tuple[Plant, ...], ground: Ground | None
+    paths: FootPaths,
+    work: Working,
+    plants: tuple[Plant, ...],
+    ground: Ground | None,
 ) -> FootPaths:
     """The same with swinging feet lifted, and toes bent, out of the ground."""
     swing = ~paths.pinned
     if not plants or not swing.any():
         return paths
     soles = moved_soles(work, paths)
-    depths = heights_under(soles, plants, ground) - soles[..., 2]
+    depths, was = (_depths(points, work, plants, ground) for points in (soles, work.soles))
     least = _DEEPER * work.scale
     if not (depths[swing] > least).any():
         return paths
-    was = heights_under(work.soles, plants, ground) - work.soles[..., 2]
     allowed = np.minimum(np.maximum(was, 0.0) + least, _DEEPEST * work.scale)
     need = np.where(swing[..., None], np.maximum(depths - allowed, 0.0), 0.0)
     bends = np.array([leg.toe >= 0 and leg.sole.tip > leg.sole.ball for leg in work.rig.legs])
@@ -116,6 +156,16 @@ def _clear(
     moves = paths.moves.copy()
     moves[..., 2] += lift
     return replace(paths, moves=moves, toe_turns=toe_turns)
+
+
+def _depths(
+    points: Array, work: Working, plants: tuple[Plant, ...], ground: Ground | None
+) -> Array:
+    """(N, F, P) how deep points (N, F, P, 3) are in the ground, m."""
+    if ground is not None:
+        return heights_on(ground, points, work.shift) - points[..., 2]
+    lowest = lowest_in_swing(work.soles, plants, work.scale)
+    return heights_under(points, plants, lowest) - points[..., 2]
 
 
 def _smooth_lift(need: Array, swing: Bools, frames: int) -> Array:

@@ -97,6 +97,7 @@ class CleanSettings:
     reach: float = 0.980  # of the leg's length, or the input's own extension where that is longer
     stretch: float = 0.0  # largest share of a leg's length added; 0 for formats that cannot hold it
     keep_below: float = 0.0005  # m: plants whose pins move less are left as they are
+    leave_above: float = 0.06  # m, of a leg of 0.85 m: contacts whose pins would move more are none
     snap: bool = True  # soles onto the ground; False keeps each plant's mean height
     level: bool = False  # write the levelled clip
     redetect: bool = False  # ignore contact curves the clip has

@@ -156,23 +156,45 @@ def _way(soles, t, foot, point):
 
 @compiled
 def _refine(soles, spans, stretches, window, apart, per_frame):
-    """Move where each stretch goes flat and where it rolls so that pinned points move least."""
-    for s in range(stretches.shape[0]):
+    """Move where each stretch goes flat and where it rolls so that pinned points move least.
+
+    A foot that walks backwards comes down over its ball and leaves over its heel: there one stretch
+    ends where the next begins, and both go with that.
+    """
+    count = stretches.shape[0]
+    for s in range(count):
         k, start, stop = stretches[s, 0], stretches[s, 1], stretches[s, 4]
         flat, roll = stretches[s, 2], stretches[s, 3]
         if flat >= roll:
             continue
         foot = spans[k, 0]
-        first, last = _level_within(soles, foot, flat, roll)
-        if flat > start or start == spans[k, 1]:
-            low, high = max(start, flat - window), min(roll - 1, flat + window)
-            flat = _least(soles, foot, low, flat, high, HEEL_POINT, per_frame)
-        if roll < stop or stop == spans[k, 2]:
-            low, high = max(flat + 1, roll - window), min(stop, roll + window)
-            roll = _least(soles, foot, low, roll, high, BALL_POINT, per_frame)
+        comes = start == flat and s > 0 and stretches[s - 1, 0] == k
+        goes = roll == stop and s + 1 < count and stretches[s + 1, 0] == k
+        comes_over = BALL_POINT if comes else HEEL_POINT
+        leaves_over = HEEL_POINT if goes else BALL_POINT
+        first, last = _level_within(soles, foot, flat, roll, comes_over, leaves_over)
+        earliest = max(stretches[s - 1, 3], stretches[s - 1, 2]) if comes else start
+        latest = _first_flat(stretches, s + 1) if goes else stop
+        if comes or flat > start or start == spans[k, 1]:
+            low, high = max(earliest, flat - window), min(roll - 1, flat + window)
+            flat = _least(soles, foot, low, flat, high, comes_over, True, per_frame)
+        if goes or roll < stop or stop == spans[k, 2]:
+            low, high = max(flat + 1, roll - window), min(latest, roll + window)
+            roll = _least(soles, foot, low, roll, high, leaves_over, False, per_frame)
         # A level foot that goes up or down does so as a whole, not over its heel or ball.
         flat, roll = min(flat, first), max(roll, last)
-        stretches[s, 2], stretches[s, 3] = _while_level(soles, foot, flat, roll, apart)
+        flat, roll = _while_level(soles, foot, flat, roll, apart, comes_over, leaves_over)
+        stretches[s, 2], stretches[s, 3] = flat, roll
+        if comes:
+            stretches[s, 1] = stretches[s - 1, 4] = flat
+        if goes:
+            stretches[s, 4] = stretches[s + 1, 1] = roll
+
+
+@compiled
+def _first_flat(stretches, s):
+    """The first frame of a stretch that is not on its heel."""
+    return min(stretches[s, 2], stretches[s, 4])
 
 
 @compiled
@@ -193,16 +215,16 @@ def _usual_pitch(soles, foot, flat, roll):
 
 
 @compiled
-def _level_within(soles, foot, flat, roll):
+def _level_within(soles, foot, flat, roll, comes_over, leaves_over):
     """First frame and frame after the last, around the middle of flat ones, of a level foot.
 
     Both its ends move: one that turns over an end is level for a while, too.
     """
     usual = _usual_pitch(soles, foot, flat, roll)
     first = last = (flat + roll) // 2
-    while first > flat and _is_level(soles, foot, first - 1, first, usual, HEEL_POINT):
+    while first > flat and _is_level(soles, foot, first - 1, first, usual, comes_over):
         first -= 1
-    while last < roll and _is_level(soles, foot, last, last, usual, BALL_POINT):
+    while last < roll and _is_level(soles, foot, last, last, usual, leaves_over):
         last += 1
     return first, last
 
@@ -217,8 +239,8 @@ def _is_level(soles, foot, t, after, usual, pivot):
 
 
 @compiled
-def _while_level(soles, foot, flat, roll, apart):
-    """Of flat frames, those between a nose that comes down and a heel that goes up.
+def _while_level(soles, foot, flat, roll, apart, comes_over, leaves_over):
+    """Of flat frames, those between an end that comes down and an end that goes up.
 
     A heel leaves the ground long before it is fast: then the foot would be turned back a lot. A
     contact that the clip cuts off may have no flat frame.
@@ -226,35 +248,37 @@ def _while_level(soles, foot, flat, roll, apart):
     usual = _usual_pitch(soles, foot, flat, roll)
     frames = soles.shape[0]
     whole = flat > 0 and roll < frames
+    nose_first = 1.0 if comes_over == HEEL_POINT else -1.0
+    nose_last = 1.0 if leaves_over == HEEL_POINT else -1.0
     while flat > 0 and flat + whole < roll:
         since = flat if whole else max(flat - apart, 0)
-        rises = _pitch(soles, foot, since) - _pitch(soles, foot, min(flat + apart, roll - 1))
-        if _pitch(soles, foot, flat) - usual < _ROLLED and rises < _TURNS:
+        falls = _pitch(soles, foot, since) - _pitch(soles, foot, min(flat + apart, roll - 1))
+        off = _pitch(soles, foot, flat) - usual
+        if nose_first * off < _ROLLED and nose_first * falls < _TURNS:
             break
         flat += 1
     while roll < frames and flat + whole < roll:
         until = roll - 1 if whole else min(roll - 1 + apart, frames - 1)
-        rises = _pitch(soles, foot, max(roll - 1 - apart, flat)) - _pitch(soles, foot, until)
-        if _pitch(soles, foot, roll - 1) - usual > -_ROLLED and rises < _TURNS:
+        rises = _pitch(soles, foot, until) - _pitch(soles, foot, max(roll - 1 - apart, flat))
+        off = _pitch(soles, foot, roll - 1) - usual
+        if nose_last * off < _ROLLED and nose_last * rises < _TURNS:
             break
         roll -= 1
     return flat, roll
 
 
 @compiled
-def _least(soles, foot, low, now, high, point, per_frame):
+def _least(soles, foot, low, now, high, point, before, per_frame):
     """The frame in low..high at which to go over between one pinned point and both.
 
-    With the heel, before the frame it is pinned alone; with the ball, from the frame on.
+    The point is pinned alone before that frame, or from it on.
     """
     best, least = now, np.inf
     for b in range(low, high + 1):
         cost = per_frame * abs(b - now)
         for t in range(max(low, 1), min(high + 1, soles.shape[0])):
-            alone = t < b if point == HEEL_POINT else t > b
-            if alone:
-                cost += 2.0 * _way(soles, t, foot, point)
-            elif t != b:
+            alone = t < b if before else t > b
+            if not alone and t != b:
                 cost += _way(soles, t, foot, HEEL_POINT) + _way(soles, t, foot, BALL_POINT)
             else:
                 cost += 2.0 * _way(soles, t, foot, point)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from footik_runtime import quat_arrays
 from footik_runtime.clip import Clip
 from footik_runtime.errors import FootIKError
-from footik_runtime.math3d import quat_between, quat_upright, rotate
+from footik_runtime.math3d import quat_between, quat_heading, quat_upright, rotate
 from footik_runtime.offline import detect
 from footik_runtime.offline.filters import contact_spans, span_medians
 from footik_runtime.offline.stages import Bools, CleanSettings, Contacts, Ground, Ints, Working
@@ -36,6 +36,8 @@ _INCLINED = math.tan(math.radians(0.2))  # of a belt; a lesser incline is none
 _PADDING = 1.5  # s of the neighbouring cycles
 _SHORTEST_LOOP = 0.4  # s
 _SAME_TURN, _SAME_PLACE = math.radians(0.5), 0.001  # rad, m: a pose that has returned
+_OFF_WEIGHT = 0.01  # by which a weight curve may leave 0 to 1, as thinned keys do
+_BESIDE = 0.5  # of a sole's step: how far that over a loop's seam may be from those beside it
 _UP = np.array([0.0, 0.0, 1.0])
 _IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 
@@ -50,7 +52,7 @@ def working(
     """The clip as cleanup sees it: off its belt, level, on the floor z = 0, soles fitted, padded.
 
     A clip whose curves tell of every leg's contact keeps its floor, and with a phase for every leg
-    its soles too. On a given `ground` it stays where it is: that ground is in the clip's frame.
+    its soles too. With a given `ground` it keeps them as well: its height is known.
     Raises FootIKError for a rig of another skeleton, and where no legs are found.
     """
     settings = CleanSettings() if settings is None else settings
@@ -59,11 +61,11 @@ def working(
     scale = float(rig.leg_lengths.mean()) / _LEG
     notes: list[str] = []
     frames = len(clip)
-    clip, pad, closed = _padded(clip, scale, notes)
+    clip, pad, closed = _padded(clip, rig, scale, notes)
     clip, rig, joints = _legs_only(clip, rig)
     back, raw, belt, contacts = _IDENTITY, clip.root_positions, np.zeros(3), None
     positions, rotations = clip.model_pose()
-    if frames >= 3 and ground is None:
+    if frames >= 3:
         soles = all_sole_points(rig, positions, rotations)
         contacts = detect.contacts(
             soles[:, :, :2], clip.fps, scale=scale, settings=settings.contact
@@ -73,7 +75,9 @@ def working(
             off = -belt * (clip.times[:, None] - pad / clip.fps)
             clip, soles = clip.moved(clip.root_positions + off), soles + off[:, None, None]
             positions = positions + off[:, None]
-        phased, weighted = _told(clip, rig) if not settings.redetect else (False, False)
+        phased, weighted = (False, False) if settings.redetect else _told(clip, rig, notes)
+        if ground is not None:
+            phased = weighted = True  # its floor is known, and whether it is level
         if not (phased or weighted):
             upright = _upright(soles, contacts, scale, notes)
             back, raw = quat_arrays.conj(upright), quat_arrays.rotate(upright, raw)
@@ -158,8 +162,16 @@ def _require_same_skeleton(clip: Clip, rig: Rig) -> None:
         )
 
 
-def _told(clip: Clip, rig: Rig) -> tuple[bool, bool]:
+def _told(clip: Clip, rig: Rig, notes: list[str]) -> tuple[bool, bool]:
     """Whether curves give the phase of every leg, and whether at least every leg's contact."""
+    for leg in rig.legs:
+        name = weight_curve(leg.name)
+        values = np.asarray(clip.curves.get(name, 0.0))
+        if values.min() < -_OFF_WEIGHT or values.max() > 1.0 + _OFF_WEIGHT:
+            notes.append(
+                f"curve {name!r} goes from {values.min():g} to {values.max():g}; a weight is of 0 "
+                "to 1, and in contact from 0.5 on"
+            )
     phased = [phase_curve(leg.name) in clip.curves for leg in rig.legs]
     weighted = [weight_curve(leg.name) in clip.curves for leg in rig.legs]
     return all(phased), all(p or w for p, w in zip(phased, weighted, strict=True))
@@ -282,15 +294,15 @@ def _fitted_sole(leg: Leg, rotations: Array) -> Sole:
     return replace(leg.sole, frame=frame, toe_frame=quat_arrays.unit(lying.mean(axis=0)))
 
 
-def _padded(clip: Clip, scale: float, notes: list[str]) -> tuple[Clip, int, bool]:
+def _padded(clip: Clip, rig: Rig, scale: float, notes: list[str]) -> tuple[Clip, int, bool]:
     """A loop with some of the cycles before and after it, so that its ends are like its middle.
 
     Returns it with how many frames there are on either side, and whether its last is its first
     again. Whatever is told from the motion is told from all of them: a cycle in place is too short
     to tell its belt.
     """
-    closed = _closes(clip, scale)
-    if not closed and not _would_close(clip, scale):
+    closed = _closes(clip, rig, scale)
+    if not closed and not _would_close(clip, rig, scale):
         return clip, 0, False
     if not clip.loop:
         again = (
@@ -299,37 +311,77 @@ def _padded(clip: Clip, scale: float, notes: list[str]) -> tuple[Clip, int, bool
         notes.append(f"{again}: cleaned as a loop")
     cycle = clip if closed else _with_first_again(clip)
     pad = min(len(cycle) - 1, math.ceil(_PADDING * clip.fps))
-    yaw, step = cycle.stride() if closed else (0.0, np.zeros(3))
+    yaw, step = stride(cycle, rig) if closed else (0.0, np.zeros(3))
     around = _around_clip(cycle, quat_arrays.about(_UP, yaw), step, pad)
     return around, pad, closed
 
 
-def _closes(clip: Clip, scale: float) -> bool:
+def stride(clip: Clip, rig: Rig) -> tuple[float, Array]:
+    """What one cycle adds to the body: yaw (rad) about the origin, and displacement (3,), m.
+
+    As `Clip.stride`, of the hips: their root may stay where it is and translations carry them.
+    """
+    positions, rotations = _model_pose(clip, [0, len(clip) - 1])
+    first, last = rotations[:, rig.hips]
+    yaw = float(quat_heading(tuple(quat_arrays.mul(last, quat_arrays.conj(first)))))
+    start, stop = positions[:, rig.hips]
+    return yaw, stop - quat_arrays.rotate(quat_arrays.about(_UP, np.array(yaw)), start)
+
+
+def _model_pose(clip: Clip, frames: list[int]) -> tuple[Array, Array]:
+    """Positions (N, J, 3) and rotations (N, J, 4) of some frames."""
+    moved = None if clip.translations is None else clip.translations[frames]
+    return clip.skeleton.forward(clip.rotations[frames], clip.root_positions[frames], moved)
+
+
+def _closes(clip: Clip, rig: Rig, scale: float) -> bool:
     """Whether the clip says that it loops, or ends in the pose in which it began."""
     if clip.loop:
         return len(clip) > 1
     if clip.duration < _SHORTEST_LOOP:
         return False
-    yaw, step = clip.stride()
-    first = clip.rotations[0].copy()
-    first[0] = quat_arrays.mul(quat_arrays.about(_UP, np.array(yaw)), first[0])
-    apart = _most_turned(first, clip.rotations[-1])
-    return apart <= _SAME_TURN and abs(step[2]) <= _SAME_PLACE * scale
+    yaw, step = stride(clip, rig)
+    ends = [0, len(clip) - 1]
+    first, last = clip.rotations[ends]
+    # What carries the hips may share their turn in any way.
+    first[clip.skeleton.chain(rig.hips)] = last[clip.skeleton.chain(rig.hips)] = _IDENTITY
+    first[rig.hips], last[rig.hips] = _model_pose(clip, ends)[1][:, rig.hips]
+    first[rig.hips] = quat_arrays.mul(quat_arrays.about(_UP, np.array(yaw)), first[rig.hips])
+    return _most_turned(first, last) <= _SAME_TURN and abs(step[2]) <= _SAME_PLACE * scale
 
 
-def _would_close(clip: Clip, scale: float) -> bool:
+def _would_close(clip: Clip, rig: Rig, scale: float) -> bool:
     """Whether the first pose would come next after the last: a loop in place without its end.
 
-    The step from the last to the first is then no larger than the steps beside it.
+    The step from the last to the first is then no larger than the steps beside it, and the soles
+    go on as they do there.
     """
     if clip.duration < _SHORTEST_LOOP:
         return False
-    turns, places = clip.rotations, clip.root_positions
-    beside = _most_turned(turns[0], turns[1]), _most_turned(turns[-2], turns[-1])
-    ways = np.linalg.norm([places[1] - places[0], places[-1] - places[-2]], axis=-1)
-    way = float(np.linalg.norm(places[0] - places[-1]))
-    small = way <= float(ways.max()) + _SAME_PLACE * scale
-    return small and _SAME_TURN < _most_turned(turns[-1], turns[0]) <= max(beside)
+    again = [len(clip) - 2, len(clip) - 1, 0, 1]
+    positions, rotations = _model_pose(clip, again)
+    turns = [_most_turned(*clip.rotations[again[i : i + 2]]) for i in range(3)]
+    ways = np.linalg.norm(np.diff(positions[:, rig.hips], axis=0), axis=-1)
+    small = ways[1] <= max(ways[0], ways[2]) + _SAME_PLACE * scale
+    follows = _SAME_TURN < turns[1] <= max(turns[0], turns[2])
+    return bool(
+        small and follows and _soles_go_on(all_sole_points(rig, positions, rotations), scale)
+    )
+
+
+def _soles_go_on(soles: Array, scale: float) -> bool:
+    """Whether the steps of soles (4, F, 3, 3) over a seam are between those before and after it.
+
+    On a belt a foot that stands goes back by as much each frame: a pose that is there twice, as
+    the last and as the first, would stop it.
+    """
+    before, seam, after = np.diff(soles, axis=0)
+    way = after - before
+    share = np.sum((seam - before) * way, axis=-1) / np.maximum(np.sum(way * way, axis=-1), 1e-18)
+    off = seam - before - np.clip(share, 0.0, 1.0)[..., None] * way
+    usual = np.maximum(np.linalg.norm(before, axis=-1), np.linalg.norm(after, axis=-1))
+    most = _BESIDE * usual + _SAME_PLACE * scale
+    return bool((np.linalg.norm(off, axis=-1) <= most).all())
 
 
 def _most_turned(a: Array, b: Array) -> float:
