@@ -18,7 +18,7 @@ def write_whole(path: str | os.PathLike[str], data: bytes) -> None:
     target = Path(path)
     beside = target.with_name(f".{target.name}.{os.getpid()}.part")
     try:
-        if _is_device(target):
+        if is_device(target):
             target.write_bytes(data)
             return
         beside.write_bytes(data)
@@ -31,13 +31,25 @@ def write_whole(path: str | os.PathLike[str], data: bytes) -> None:
             beside.unlink()
 
 
-def _is_device(path: Path) -> bool:
+def remove(path: str | os.PathLike[str]) -> None:
+    """Remove a file, where there is one. Raises FootIKError where it cannot be removed."""
+    target = Path(path)
+    if not target.is_file():
+        return
+    try:
+        target.unlink()
+    except OSError as error:
+        raise FootIKError(f"{path}: the file cannot be removed: {error.strerror}.") from None
+
+
+def is_device(path: Path) -> bool:
+    """Whether a path is there and neither a file nor a folder, such as /dev/null or a pipe."""
     return path.exists() and not (path.is_file() or path.is_dir())
 
 
 def require_writable(path: str | os.PathLike[str]) -> None:
     """Find out before long work whether a file can be written where it shall go."""
-    if _is_device(Path(path)) and os.access(path, os.W_OK):
+    if is_device(Path(path)) and os.access(path, os.W_OK):
         return
     folder = Path(path).absolute().parent
     if not folder.is_dir():

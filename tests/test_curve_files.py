@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from footik_runtime.clip import Clip
 from footik_runtime.errors import FootIKError
+from footik_runtime.formats import load_clip, save_clip
 from footik_runtime.offline.bake import BakeSettings, weight_keys
 from footik_runtime.offline.curve_exports import EXPORTS, export_curves
 from footik_runtime.offline.curve_files import (
@@ -136,6 +137,16 @@ def test_curves_of_the_file_are_added_to_those_of_the_clip(tmp_path):
     assert np.array_equal(read.curves["smile"], clip.curves["smile"])
     assert np.array_equal(read.curves["own"], np.ones(60))
     assert np.array_equal(mine.curves["smile"], np.zeros(60))
+
+
+def test_a_clip_without_curves_takes_an_earlier_ones_sidecar_away(tmp_path):
+    path = tmp_path / "walk.bvh"
+    save_clip(clip_with({"weight": np.ones(60)}), path)
+    assert load_clip(path).curves
+    (tmp_path / "other.curves.json").write_text("another clip's")
+    save_clip(clip_with({}, frames=20), path)
+    assert not load_clip(path).curves
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["other.curves.json", "walk.bvh"]
 
 
 def test_the_sidecar_lies_beside_the_clip():

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from footik_runtime.clip import Clip
 from footik_runtime.errors import FootIKError
+from footik_runtime.files import remove
 from footik_runtime.formats import amass, npz
 from footik_runtime.formats.bvh import BvhLayout, read_bvh, write_bvh
 from footik_runtime.formats.gltf import animation_names, read_gltf
@@ -77,7 +78,8 @@ def load_clip(
 def save_clip(clip: Clip, path: str | os.PathLike[str]) -> None:
     """Write a clip by its suffix: .bvh, .glb, .gltf, .npz or .csv.
 
-    An .npz or .csv of joint values stays one; the curves of these and of a .bvh go beside them.
+    An .npz or .csv of joint values stays one; the curves of these and of a .bvh go beside them, in
+    place of those that lie there: a clip without curves takes them away.
     Raises FootIKError where it cannot be written.
     """
     suffix = _suffix(path)
@@ -102,6 +104,8 @@ def _with_sidecar(clip: Clip, path: str | os.PathLike[str]) -> Clip:
 def _write_sidecar(clip: Clip, path: str | os.PathLike[str]) -> None:
     if clip.curves:
         write_curves(sidecar(path), clip)
+    else:  # those of an earlier clip would be taken for this one's
+        remove(sidecar(path))
 
 
 def _suffix(path: str | os.PathLike[str]) -> str:
