@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
+import unicodedata
+from collections.abc import Iterable
+from itertools import chain, count
 from pathlib import Path
 
 from footik_runtime.errors import FootIKError
@@ -40,6 +44,29 @@ def remove(path: str | os.PathLike[str]) -> None:
         target.unlink()
     except OSError as error:
         raise FootIKError(f"{path}: the file cannot be removed: {error.strerror}.") from None
+
+
+_LONGEST_PART = 80  # bytes: names are put together of two or three, and 255 is most
+# What some file system forbids, white space, and half a surrogate pair, which none can hold.
+_NO_NAME = re.compile(r"[\x00-\x1f\x7f\s/\\:*?\"<>|\ud800-\udfff]+")
+
+
+def name_part(text: str) -> str:
+    """A name as a part of a file's name anywhere: letters of all languages stay, slashes do not."""
+    plain = _NO_NAME.sub("_", unicodedata.normalize("NFC", text)).strip(".")
+    return plain.encode()[:_LONGEST_PART].decode(errors="ignore") or "_"
+
+
+def unique_parts(texts: Iterable[str]) -> list[str]:
+    """Names as parts of file names, each another also where case does not count."""
+    parts: list[str] = []
+    taken: set[str] = set()
+    for part in map(name_part, texts):
+        numbered = (f"{part}_{n}" for n in count(2))
+        free = next(name for name in chain([part], numbered) if name.casefold() not in taken)
+        taken.add(free.casefold())
+        parts.append(free)
+    return parts
 
 
 def is_device(path: Path) -> bool:

@@ -16,6 +16,7 @@ import pytest
 from footik_runtime import cli, gait
 from footik_runtime.builtin import humanoid_rig
 from footik_runtime.clip import Clip
+from footik_runtime.commands.claims import require_apart
 from footik_runtime.errors import FootIKError
 from footik_runtime.formats import load_clip, save_clip
 from footik_runtime.motion import Motion
@@ -93,6 +94,67 @@ def data_of(text: str, pattern: str):
 
 def files(place: Path) -> list[Path]:
     return [path for path in place.rglob("*") if path.is_file()]
+
+
+def contents(place: Path) -> dict[str, bytes]:
+    return {path.relative_to(place).as_posix(): path.read_bytes() for path in files(place)}
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        "clean one.bvh -o o.bvh --json one.bvh",
+        "clean one.bvh -o o.bvh --report link.bvh",
+        "clean one.bvh -o o.bvh --json one.curves.json",
+        "clean one.bvh -o o.bvh --json o.bvh",
+        "clean one.bvh -o o.bvh --json o.curves.json",
+        "clean one.bvh -o o.bvh --report o.bvh",
+        "clean one.bvh -o o.bvh --report r --json ./r",
+        "clean one.bvh -o o.bvh --export csv --json o.curves.csv",
+        "clean one.bvh -o o.npz --model one.curves.json --json one.curves.json",
+        "clean one.bvh one.bvh -o out",
+        "clean . -o out --json more/two.npz",
+        "clean . -o out --report out/one.bvh",
+        "clean . -o out --report r.html --json r.one.html",
+        "bake one.bvh -o o.bvh --json one.bvh",
+        "bake one.bvh -o o.bvh --json o.bvh",
+        "bake one.bvh -o o.bvh --export unity --json o.anim",
+        "inspect one.bvh --json link.bvh",
+        "walk --clip one.bvh --out one.bvh",
+        "walk --clip one.bvh --out o.npz --json o.npz",
+        "score cleanup --clips . --json one.bvh",
+    ],
+)
+def test_no_output_replaces_an_input_or_another_output(monkeypatch, capsys, folder, arguments):
+    (folder / "one.curves.json").write_text("curves")
+    (folder / "link.bvh").symlink_to(folder / "one.bvh")
+    if "." in arguments.split()[1:3]:
+        (folder / "link.bvh").unlink()
+    monkeypatch.chdir(folder)
+    before = contents(folder)
+    code, out, err = run(monkeypatch, capsys, *arguments.split())
+    assert (code, out) == (1, "")
+    assert re.search("would replace an input|would go to the same file", err), err
+    assert err.count("\n") == 1
+    assert contents(folder) == before
+
+
+def test_devices_may_be_written_to_more_than_once(monkeypatch, capsys, folder):
+    null = "/dev/null"
+    code, _, err = run(monkeypatch, capsys, "bake", folder / "one.bvh", "-o", folder / "o.npz",
+                       "--json", null)  # fmt: skip
+    assert (code, err) == (0, "")
+    require_apart([], {"--json": Path(null), "--out": Path(null)})
+
+
+def test_files_with_the_same_curves_file_are_not_mixed(monkeypatch, capsys, folder):
+    (folder / "one.csv").write_text("0,1\n")
+    (folder / "model.xml").write_text("<mujoco/>")
+    code, _, err = run(monkeypatch, capsys, "clean", folder, "-o", folder / "out", "--model",
+                       folder / "model.xml")  # fmt: skip
+    assert code == 1
+    assert re.search(r"one.curves.json: the curves of .*one\.\w+ and .*one\.\w+ would go to", err)
+    assert not (folder / "out").exists()
 
 
 @pytest.mark.parametrize("out", ["one.bvh", "link.bvh", "."])

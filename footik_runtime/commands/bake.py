@@ -17,13 +17,13 @@ from footik_runtime.commands.files import (
     work_through,
     write_json,
 )
+from footik_runtime.commands.outputs import Outputs
 from footik_runtime.errors import FootIKError, listed
 from footik_runtime.files import require_writable
-from footik_runtime.formats import save_clip
 from footik_runtime.offline.bake import bake as bake_clip
 from footik_runtime.offline.bake import curve_names
 from footik_runtime.offline.clean import clean
-from footik_runtime.offline.curve_exports import export_curves, require_export
+from footik_runtime.offline.curve_exports import require_export
 from footik_runtime.offline.stages import BakeSettings, CleanSettings
 from footik_runtime.rig import Rig
 
@@ -63,15 +63,14 @@ def bake(
     if export is not None:
         require_export(export)
     todo = jobs(clips, out)
+    outputs = Outputs(todo, reading, export=export, json_file=json_file)
     if json_file is not None:
         require_writable(json_file)
 
     def one(job: Job) -> dict[str, Any]:
         clip = reading.clip(job.source)
         baked = _bake_one(clip, reading.rig(clip), settings, redetect)
-        save_clip(baked, job.target)
-        if export is not None:
-            export_curves(job.target, baked, export)
+        outputs.write(job, [baked])
         keys = baked.extras["curve_keys"]
         counts = {name: len(keys[name].times) for name in keys}
         told = ", ".join(f"{name} {count} keys" for name, count in counts.items())

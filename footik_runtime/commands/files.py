@@ -21,6 +21,7 @@ from footik_runtime.progress import Progress
 from footik_runtime.rig import Rig, find_rig
 
 ALL = "all"
+GLTF = (".glb", ".gltf")
 _LARGE, _LONG = 30.0, 20_000  # MB, frames
 _FRAME_RATES = (1.0, 10000.0)
 
@@ -51,7 +52,7 @@ class Reading:
 
     def clips(self, path: Path) -> list[Clip]:
         """That clip, or with `--animation all` every one of a .glb or .gltf."""
-        if self.animation == ALL and path.suffix.lower() in (".glb", ".gltf"):
+        if self.animation == ALL and path.suffix.lower() in GLTF:
             return [_with_rate(path, clip) for clip in read_animations(path, fps=self.frame_rate)]
         return [self.clip(path)]
 
@@ -119,8 +120,7 @@ class Job:
 def jobs(sources: Sequence[Path], out: Path) -> list[Job]:
     """What is to be done: one file to a file or into a folder, or whole folders, mirrored in `out`.
 
-    Raises FootIKError where a source is missing, nothing is found, or a result would replace one of
-    the sources.
+    Raises FootIKError where a source is missing or nothing is found.
     """
     several = len(sources) != 1 or sources[0].is_dir()
     if several and out.suffix.lower() in SUFFIXES:
@@ -135,15 +135,6 @@ def jobs(sources: Sequence[Path], out: Path) -> list[Job]:
         raise FootIKError(
             f"{', '.join(map(str, sources))}: there are no clips ({', '.join(SUFFIXES)}) there."
         )
-    given = {job.source.resolve() for job in found}
-    for job in found:
-        same = job.target.exists() and any(job.target.samefile(source) for source in given)
-        if same or job.target.resolve() in given:
-            raise FootIKError(f"{job.target}: the result would replace an input; choose another.")
-    targets = [job.target for job in found]
-    twice = next((t for t in targets if targets.count(t) > 1), None)
-    if twice is not None:
-        raise FootIKError(f"{twice}: two inputs would go to the same file.")
     return found
 
 
