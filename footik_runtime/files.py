@@ -74,6 +74,15 @@ def is_device(path: Path) -> bool:
     return path.exists() and not (path.is_file() or path.is_dir())
 
 
+def make_folder(path: str | os.PathLike[str]) -> None:
+    """Make a folder and those above it, where they are not there. Raises FootIKError."""
+    try:
+        Path(path).mkdir(parents=True, exist_ok=True)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise FootIKError(f"{path}: the folder cannot be made: {reason}.") from None
+
+
 def require_writable(path: str | os.PathLike[str]) -> None:
     """Find out before long work whether a file can be written where it shall go."""
     if is_device(Path(path)) and os.access(path, os.W_OK):

@@ -19,6 +19,8 @@ from footik_runtime.clip import Clip
 from footik_runtime.commands.claims import require_apart
 from footik_runtime.errors import FootIKError
 from footik_runtime.formats import load_clip, save_clip
+from footik_runtime.formats.glb_container import pack_glb, read_container
+from footik_runtime.formats.gltf import read_animations
 from footik_runtime.motion import Motion
 from footik_runtime.offline.skate import inject, true_walk
 from footik_runtime.phases import phase_curve, weight_curve
@@ -389,3 +391,60 @@ def test_what_is_baked_is_what_the_motion_has(monkeypatch, capsys, skating, tmp_
     windows = np.lib.stride_tricks.sliding_window_view(phases, len(cycle))
     agree = (windows == cycle).mean(axis=1).max()
     assert agree > 0.97
+
+
+def walks(names: list[str | None], walk: Clip, path: Path) -> Path:
+    """A GLB with a copy of a walk for each name; None has no name."""
+    save_clip(replace(walk, name="x"), path)
+    gltf = read_container(path)
+    animations = [{**gltf.json["animations"][0], "name": name} for name in names]
+    for animation in animations:
+        if animation["name"] is None:
+            del animation["name"]
+    path.write_bytes(pack_glb({**gltf.json, "animations": animations}, gltf.chunks))
+    return path
+
+
+@pytest.fixture(scope="module")
+def short(skating) -> Clip:
+    return skating.cut(0, 40)
+
+
+@pytest.mark.parametrize("command", ["clean", "bake"])
+def test_every_animation_has_its_own_exports_and_page(
+    monkeypatch, capsys, short, tmp_path, command
+):
+    names = ["Geh/Lauf", "Geh_Lauf", None, None, "歩く", "../up", "a" * 400]
+    source = walks(names, short, tmp_path / "w.glb")
+    out = tmp_path / "out"
+    page = ["--report", out / "r.html"] if command == "clean" else []
+    code, _, err = run(monkeypatch, capsys, command, source, "-o", out, "--animation", "all",
+                       "--export", "unity", "--json", out / "all.json", *page)  # fmt: skip
+    assert (code, err) == (0, "")
+    labels = ["Geh_Lauf", "Geh_Lauf_2", "animation_2", "animation_3", "歩く", "_up", "a" * 80]
+    there = {path.name for path in files(out)}
+    assert {f"w.{label}.anim" for label in labels} <= there
+    told = json.loads((out / "all.json").read_text())["files"][0]["clips"]
+    assert [clip["exports"] for clip in told] == [[f"w.{label}.anim"] for label in labels]
+    if command == "clean":
+        assert [clip["page"] for clip in told] == [f"r.w.{label}.html" for label in labels]
+        assert {clip["page"] for clip in told} <= there
+    assert len(list(read_animations(out / "w.glb"))) == len(names)
+
+
+def test_results_of_equal_names_have_their_own_pages_and_exports(
+    monkeypatch, capsys, short, tmp_path
+):
+    takes, out = tmp_path / "takes", tmp_path / "out"
+    for place in ("w.bvh", "w.npz", "a/w.npz", "b/w.npz"):
+        (takes / place).parent.mkdir(parents=True, exist_ok=True)
+        save_clip(short, takes / place)
+    code, _, err = run(monkeypatch, capsys, "clean", takes, "-o", out, "--report", out / "r.html",
+                       "--export", "csv", "--redetect")  # fmt: skip
+    assert (code, err) == (0, "")
+    pages = sorted(path.name for path in out.glob("r*.html"))
+    assert pages == ["r.b_w.html", "r.html", "r.out_w.html", "r.out_w_npz.html", "r.w.html"]
+    exports = sorted(p.relative_to(out).as_posix() for p in out.rglob("*.curves.csv"))
+    assert exports == ["a/w.curves.csv", "b/w.curves.csv", "w.curves.csv", "w_npz.curves.csv"]
+    rows = data_of((out / "r.html").read_text(), r"const ROWS = (\[.*\]);")
+    assert sorted(row["page"] for row in rows) == [page for page in pages if page != "r.html"]

@@ -435,3 +435,14 @@ def test_times_that_hardly_grow_are_refused_without_an_overflow(tmp_path):
     (tmp_path / "x.csv").write_text("time,weight\n0,0\n1e-310,1\n2e-310,0\n")
     with pytest.raises(FootIKError, match="the table has 3 rows"):
         read_curves(tmp_path / "x.csv", clip_with({}, 3, fps=2.0))
+
+
+def test_every_curve_has_a_file_with_its_own_letters(tmp_path):
+    curves = {name: np.full(60, float(i)) for i, name in enumerate(["a/b", "A_b", "Fuß", "足", ""])}
+    written = export_curves(tmp_path / "walk.bvh", clip_with(curves), "unreal")
+    assert [path.name for path in written] == [
+        "walk.curve_table.csv",
+        *(f"walk.{name}.curve.csv" for name in ("a_b", "A_b_2", "Fuß", "足", "_")),
+    ]
+    values = [path.read_text().splitlines()[-1].split(",")[1] for path in written[1:]]
+    assert values == ["0", "1", "2", "3", "4"]

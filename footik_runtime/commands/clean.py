@@ -18,12 +18,13 @@ from footik_runtime.commands.files import (
     announce,
     fail_if_any,
     jobs,
+    require_places,
     work_through,
     write_json,
 )
 from footik_runtime.commands.outputs import Outputs
 from footik_runtime.errors import FootIKError
-from footik_runtime.files import require_writable, write_whole
+from footik_runtime.files import write_whole
 from footik_runtime.formats.qpos import SOURCE as QPOS
 from footik_runtime.formats.qpos_posed import posed, unreached
 from footik_runtime.metrics import as_json, format_table
@@ -90,11 +91,7 @@ def clean(
         require_export(export)
     todo = jobs(clips, out)
     outputs = Outputs(todo, reading, export=export, report=report, json_file=json_file)
-    for path in (report, json_file):
-        if path is not None:
-            if path.parent == out:
-                out.mkdir(parents=True, exist_ok=True)
-            require_writable(path)
+    require_places(out, report, json_file)
 
     def one(job: Job) -> dict[str, Any]:
         found = [
@@ -112,7 +109,7 @@ def clean(
 
     entries = work_through("cleaning", todo, one)
     if report is not None and outputs.several:
-        write_whole(report, index_page(entries).encode())
+        write_whole(report, index_page(entries).encode(errors="replace"))
     if json_file is not None:
         write_json(json_file, {"command": "clean", "preset": preset, "files": entries})
     fail_if_any(entries)
@@ -168,7 +165,9 @@ def _write_pages(pages: Sequence[Path], found: Sequence[_Done]) -> list[str | No
     if not pages:
         return [None] * len(found)
     for page, done in zip(pages, found, strict=True):
-        write_whole(page, report_page(done.before, done.cleaned, done.measures).encode())
+        write_whole(
+            page, report_page(done.before, done.cleaned, done.measures).encode(errors="replace")
+        )
     return [page.name for page in pages]
 
 

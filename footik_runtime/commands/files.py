@@ -13,7 +13,7 @@ import tyro
 
 from footik_runtime.clip import Clip
 from footik_runtime.errors import FootIKError
-from footik_runtime.files import require_writable, write_whole
+from footik_runtime.files import make_folder, require_writable, write_whole
 from footik_runtime.formats import SUFFIXES, load_clip
 from footik_runtime.formats.gltf import read_animations
 from footik_runtime.formats.qpos import rig_of
@@ -150,6 +150,15 @@ def _files(source: Path) -> Iterable[tuple[Path, Path]]:
         raise FootIKError(f"{source}: there is no such file or folder.")
 
 
+def require_places(out: Path, *files: Path | None) -> None:
+    """Find out that files can be written, and make the results' folder for those in it."""
+    for path in files:
+        if path is not None:
+            if path.parent == out and not out.exists():
+                make_folder(out)
+            require_writable(path)
+
+
 def work_through(
     what: str, todo: Sequence[Job], work: Callable[[Job], dict[str, Any]]
 ) -> list[dict[str, Any]]:
@@ -162,7 +171,7 @@ def work_through(
         progress(done, len(todo))
         entry: dict[str, Any] = {"in": str(job.source), "out": str(job.target), "error": None}
         try:
-            job.target.parent.mkdir(parents=True, exist_ok=True)
+            make_folder(job.target.parent)
             require_writable(job.target)
             entry |= work(job)
         except BrokenPipeError:

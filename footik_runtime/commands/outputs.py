@@ -87,36 +87,37 @@ class Outputs:
     def _place(self, job: Job, labels: Sequence[str]) -> Place:
         exports, pages = [], []
         for label in labels:
-            called = [name + (label and f".{label}") for name in _called(job)]
+            ending = label and f".{label}"
             if self._export is not None:
-                stem = self._free(job.target.parent, called)
+                stem = self._free(job.target.parent, _called(job), ending)
                 exports.append(stem.with_name(stem.name + job.target.suffix))
                 self._claim_exports(job, export_files(exports[-1], (), self._export))
             if self._report is not None:
-                pages.append(self._page(job, called, self._report))
+                pages.append(self._page(job, ending, self._report))
         return Place(exports=tuple(exports), pages=tuple(pages))
 
     def _claim_exports(self, job: Job, paths: Iterable[Path]) -> None:
         for path in paths:
             self._claims.claim(path, f"the exports of {job.source}")
 
-    def _page(self, job: Job, called: Sequence[str], report: Path) -> Path:
+    def _page(self, job: Job, ending: str, report: Path) -> Path:
         if not self.several:
             return report
-        suffix = report.suffix or ".html"
-        page = self._free(report.parent, [f"{report.stem}.{name}{suffix}" for name in called])
+        folder = job.target.parent.name
+        called = [f"{report.stem}.{folder}_{name}" for name in _called(job)]
+        called = [f"{report.stem}.{job.target.stem}", *called]
+        page = self._free(report.parent, called, ending + (report.suffix or ".html"))
         self._claims.claim(page, f"the page of {job.source}")
         return page
 
-    def _free(self, folder: Path, names: Sequence[str]) -> Path:
+    def _free(self, folder: Path, names: Sequence[str], ending: str) -> Path:
         """The first name that nothing here has, else the last with a number."""
-        base = Path(names[-1])
-        numbered = (f"{base.stem}_{n}{base.suffix}" for n in count(2))
+        numbered = (f"{names[-1]}_{n}" for n in count(2))
         for name in chain(names, numbered):
-            key = (folder.resolve(), name.casefold())
+            key = (folder.resolve(), (name + ending).casefold())
             if key not in self._taken:
                 self._taken.add(key)
-                return folder / name
+                return folder / (name + ending)
         raise AssertionError("numbers do not end")
 
     def pages(self, job: Job) -> tuple[Path, ...]:
@@ -189,10 +190,9 @@ def _has_sidecar(path: Path, reading: Reading, *, source: Path) -> bool:
 
 
 def _called(job: Job) -> list[str]:
-    """What a result may be called in other names: the first that is unique wins."""
+    """What a result is called in other names, and what where another has that name."""
     stem, kind = job.target.stem, job.target.suffix.lower().removeprefix(".")
-    folder = job.target.parent.name
-    return [stem, f"{stem}_{kind}", f"{folder}_{stem}", f"{folder}_{stem}_{kind}"]
+    return [stem, f"{stem}_{kind}"]
 
 
 def _save(clips: Sequence[Clip], path: Path) -> None:

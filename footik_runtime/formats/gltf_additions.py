@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footik_runtime.errors import FootIKError
-from footik_runtime.files import write_whole
+from footik_runtime.files import make_folder, write_whole
 from footik_runtime.formats.glb_container import (
     BIN_CHUNK,
     FLOAT,
@@ -224,10 +224,7 @@ class Additions:
     def _copy_named(self, target: Path, as_glb: bool) -> None:
         """Copy the files that the document names to where the new document will look for them."""
         for found, copied in copies(self.gltf, target, as_glb=as_glb):
-            try:
-                copied.parent.mkdir(parents=True, exist_ok=True)
-            except OSError as error:
-                raise FootIKError(f"{copied.parent}: cannot be made: {error}.") from None
+            make_folder(copied.parent)
             write_whole(copied, read_bytes(found))
 
 

@@ -73,7 +73,7 @@ def export_curves(
         raise FootIKError(f"{clip.name}: has no curves to export; bake them first.")
     targets = export_files(path, clip.curves, kind)
     for target, text in zip(targets, _texts(clip, kind, tolerance), strict=True):
-        write_whole(target, text.encode("utf-8"))
+        write_whole(target, text.encode("utf-8", "replace"))
     return targets
 
 
