@@ -16,6 +16,7 @@ import pytest
 from footik_runtime import cli, gait
 from footik_runtime.builtin import humanoid_rig
 from footik_runtime.clip import Clip
+from footik_runtime.commands import bake as bake_command
 from footik_runtime.commands.claims import require_apart
 from footik_runtime.errors import FootIKError
 from footik_runtime.formats import load_clip, save_clip
@@ -85,6 +86,22 @@ def test_a_folder_goes_on_past_a_file_that_fails(monkeypatch, capsys, folder, tm
     assert "2 done, 1 failed" in out
     written = sorted(p.relative_to(tmp_path / "done").as_posix() for p in files(tmp_path / "done"))
     assert written == ["more/two.npz", "one.bvh", "one.curves.json"]
+
+
+def test_a_folder_goes_on_past_a_fault_of_ours(monkeypatch, capsys, folder, tmp_path):
+    def breaks(clip, *_arguments, **_options):
+        if clip.name == "one":
+            raise ValueError("no such\nthing")
+        return baked(clip, *_arguments, **_options)
+
+    baked = bake_command.bake_clip
+    monkeypatch.setattr(bake_command, "bake_clip", breaks)
+    code, out, err = run(monkeypatch, capsys, "bake", folder, "-o", tmp_path / "done")
+    assert code == 1
+    assert "1 done, 1 failed" in out
+    assert err == f"footik: {folder / 'one.bvh'}: failed with ValueError: no such thing\n"
+    with pytest.raises(ValueError, match="no such"):
+        run(monkeypatch, capsys, "bake", folder / "one.bvh", "-o", tmp_path / "o.bvh")
 
 
 def data_of(text: str, pattern: str):
@@ -181,6 +198,22 @@ def test_an_input_is_never_replaced(monkeypatch, capsys, folder, out):
         (("clean", "CLIP", "-o", "x.bvh", "--terrain", "flat", "--floor", "0"), "not as both"),
         (("clean", "CLIP", "-o", "x.bvh", "--export", "maya"), "unknown export"),
         (("bake", "CLIP", "-o", "x.bvh", "--preset", "kovar"), "unknown preset 'kovar'"),
+        *[
+            (("clean", "CLIP", "-o", "x.bvh", "--preset", "footplant", *option), f"no {option[0]}:")
+            for option in (
+                ("--level",),
+                ("--terrain", "flat"),
+                ("--floor", "0"),
+                ("--stretch", "0.1"),
+                ("--ease", "0.1"),
+                ("--no-snap",),
+                ("--redetect",),
+            )
+        ],
+        (
+            ("bake", "CLIP", "-o", "x.bvh", "--preset", "openkcc", "--redetect", "--ease-in", "0"),
+            "--preset openkcc takes no --ease-in, --redetect:",
+        ),
         (("bake", "CLIP", "-o", "x.fbx"), "cannot tell the format|NotADirectory|x.fbx"),
         (("score", "feet", "FOLDER"), "unknown suite 'feet'"),
         (("score", "contacts", "EMPTY"), "there are no trials"),

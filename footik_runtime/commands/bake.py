@@ -62,6 +62,8 @@ def bake(
         ease_out=ease_out,
         replace=replace,
     )
+    if preset == "openkcc":
+        _require_openkccs_own(settings, redetect)
     if export is not None:
         require_export(export)
     todo = jobs(clips, out)
@@ -83,6 +85,18 @@ def bake(
     if json_file is not None:
         write_json(json_file, {"command": "bake", "preset": preset, "files": entries})
     fail_if_any(entries)
+
+
+def _require_openkccs_own(settings: BakeSettings, redetect: bool) -> None:
+    """Raise FootIKError for options that OpenKCC's baking knows nothing of."""
+    asked = {
+        "--ease-in": settings.ease_in != BakeSettings.ease_in,
+        "--ease-out": settings.ease_out != BakeSettings.ease_out,
+        "--redetect": redetect,
+    }
+    given = [name for name, is_given in asked.items() if is_given]
+    if given:
+        raise FootIKError(f"--preset openkcc takes no {listed(given)}: its baking is fixed.")
 
 
 def _bake_one(clip: Clip, rig: Rig, settings: BakeSettings, redetect: bool) -> Clip:

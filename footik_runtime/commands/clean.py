@@ -23,7 +23,7 @@ from footik_runtime.commands.files import (
     write_json,
 )
 from footik_runtime.commands.outputs import Outputs
-from footik_runtime.errors import FootIKError
+from footik_runtime.errors import FootIKError, listed
 from footik_runtime.files import write_whole
 from footik_runtime.formats.qpos import SOURCE as QPOS
 from footik_runtime.formats.qpos_posed import posed, unreached
@@ -85,6 +85,8 @@ def clean(
         redetect=redetect,
         ease=ease,
     )
+    if preset == "footplant":
+        _require_footplants_own(settings, terrain, floor)
     baking = BakeSettings(replace=replace) if curves else None
     ground = _ground(terrain, floor)
     if export is not None:
@@ -113,6 +115,24 @@ def clean(
     if json_file is not None:
         write_json(json_file, {"command": "clean", "preset": preset, "files": entries})
     fail_if_any(entries)
+
+
+def _require_footplants_own(
+    settings: CleanSettings, terrain: str | None, floor: float | None
+) -> None:
+    """Raise FootIKError for options that the FootPlant tool's pass knows nothing of."""
+    asked = {
+        "--terrain": terrain is not None,
+        "--floor": floor is not None,
+        "--stretch": settings.stretch != CleanSettings.stretch,
+        "--no-snap": not settings.snap,
+        "--level": settings.level,
+        "--redetect": settings.redetect,
+        "--ease": settings.ease != CleanSettings.ease,
+    }
+    given = [name for name, is_given in asked.items() if is_given]
+    if given:
+        raise FootIKError(f"--preset footplant takes no {listed(given)}: its pass is fixed.")
 
 
 def _ground(terrain: str | None, floor: float | None) -> Ground | None:

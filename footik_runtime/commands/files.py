@@ -176,13 +176,23 @@ def work_through(
             entry |= work(job)
         except BrokenPipeError:
             raise  # whoever read our output has enough: that is no fault of the file
-        except (FootIKError, OSError) as error:
-            entry["error"] = str(error)
+        except Exception as error:
+            if len(todo) == 1 and not isinstance(error, (FootIKError, OSError)):
+                raise  # a fault of ours, whose traceback is worth more than a line
+            entry["error"] = _reason(error, job)
             progress.close()
-            print(f"footik: {error}", file=sys.stderr)
+            print(f"footik: {entry['error']}", file=sys.stderr)
         entries.append(entry)
     progress.close()
     return entries
+
+
+def _reason(error: Exception, job: Job) -> str:
+    """What went wrong in one line that names the file."""
+    if isinstance(error, FootIKError):
+        return str(error)
+    what = " ".join(str(error).split())
+    return f"{job.source}: failed with {type(error).__name__}: {what}"
 
 
 def fail_if_any(entries: Sequence[Mapping[str, Any]]) -> None:
