@@ -23,6 +23,7 @@ from footik_runtime.formats import load_clip, save_clip
 from footik_runtime.formats.glb_container import pack_glb, read_container
 from footik_runtime.formats.gltf import read_animations
 from footik_runtime.motion import Motion
+from footik_runtime.offline.curve_keys import Keys, sample
 from footik_runtime.offline.skate import inject, true_walk
 from footik_runtime.phases import phase_curve, weight_curve
 from footik_runtime.rig import find_rig
@@ -249,6 +250,20 @@ def test_curves_are_baked_into_the_motion_as_it_is(monkeypatch, capsys, folder, 
     assert (tmp_path / "b.anim").read_text().startswith("%YAML")
 
 
+def test_the_keys_of_baked_curves_are_told(monkeypatch, capsys, short, tmp_path):
+    save_clip(short, tmp_path / "w.npz")
+    code, _, err = run(monkeypatch, capsys, "bake", tmp_path / "w.npz", "-o", tmp_path / "b.npz",
+                       "--json", tmp_path / "b.json")  # fmt: skip
+    assert (code, err) == (0, "")
+    (told,) = json.loads((tmp_path / "b.json").read_text())["files"][0]["clips"]
+    baked = load_clip(tmp_path / "b.npz")
+    assert set(told["curves"]) == set(baked.curves)
+    for name, keys in told["curves"].items():
+        made = Keys(times=np.array(keys["times"]), values=np.array(keys["values"]),
+                    interpolation=keys["interpolation"])  # fmt: skip
+        np.testing.assert_array_equal(sample(made, baked.times), baked.curves[name])
+
+
 def test_curves_that_are_there_are_replaced_only_when_asked(monkeypatch, capsys, folder, tmp_path):
     skates = load_clip(folder / "one.bvh")
     drawn = np.linspace(0.0, 1.0, len(skates))
@@ -463,6 +478,15 @@ def test_every_animation_has_its_own_exports_and_page(
         assert [clip["page"] for clip in told] == [f"r.w.{label}.html" for label in labels]
         assert {clip["page"] for clip in told} <= there
     assert len(list(read_animations(out / "w.glb"))) == len(names)
+
+
+def test_exports_of_no_curves_leave_nothing_behind(monkeypatch, capsys, short, tmp_path):
+    save_clip(short, tmp_path / "w.npz")
+    code, _, err = run(monkeypatch, capsys, "clean", tmp_path / "w.npz", "-o", tmp_path / "o.npz",
+                       "--no-curves", "--export", "csv")  # fmt: skip
+    assert code == 1
+    assert "has no curves to export" in err
+    assert [path.name for path in tmp_path.iterdir()] == ["w.npz"]
 
 
 def test_results_of_equal_names_have_their_own_pages_and_exports(

@@ -17,7 +17,7 @@ from footik_runtime.formats.glb_container import Gltf, read_container
 from footik_runtime.formats.gltf import names_in
 from footik_runtime.formats.gltf_additions import copies, named_files
 from footik_runtime.formats.gltf_write import write_gltf
-from footik_runtime.offline.curve_exports import export_curves, export_files
+from footik_runtime.offline.curve_exports import export_curves, export_files, require_curves
 from footik_runtime.offline.curve_files import sidecar
 
 _JOINT_VALUES = {".npz", ".csv"}  # with a model
@@ -131,6 +131,7 @@ class Outputs:
             _save(clips, job.target)
             return [[] for _ in clips]
         for clip, place in zip(clips, places, strict=True):
+            require_curves(clip)
             planned = export_files(place, (), kind)
             found = export_files(place, clip.curves, kind)  # curves are known only now
             self._claim_exports(job, [path for path in found if path not in planned])

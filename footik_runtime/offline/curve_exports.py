@@ -69,8 +69,7 @@ def export_curves(
         FootIKError: an unknown kind, a clip without curves, a file that cannot be written.
     """
     require_export(kind)
-    if not clip.curves:
-        raise FootIKError(f"{clip.name}: has no curves to export; bake them first.")
+    require_curves(clip)
     targets = export_files(path, clip.curves, kind)
     for target, text in zip(targets, _texts(clip, kind, tolerance), strict=True):
         write_whole(target, text.encode("utf-8", "replace"))
@@ -84,6 +83,12 @@ def export_files(path: str | os.PathLike[str], curves: Iterable[str], kind: str)
         endings += [f".{part}.curve.csv" for part in unique_parts(curves)]
     stem = Path(path).with_suffix("")
     return [stem.with_name(stem.name + ending) for ending in endings]
+
+
+def require_curves(clip: Clip) -> None:
+    """Raise FootIKError for a clip without curves."""
+    if not clip.curves:
+        raise FootIKError(f"{clip.name}: has no curves to export; bake them first.")
 
 
 def require_export(kind: str) -> None:
