@@ -89,6 +89,23 @@ def test_a_folder_goes_on_past_a_file_that_fails(monkeypatch, capsys, folder, tm
     assert written == ["more/two.npz", "one.bvh", "one.curves.json"]
 
 
+def test_a_folder_may_be_worked_through_again(monkeypatch, capsys, folder):
+    out = folder / "done"
+    for name in ("x.curves.csv", "x.curve_table.csv", "x.Y.curve.csv"):  # of curves, not clips
+        (folder / name).write_text("0,1\n")
+    for _ in range(2):
+        for export in ("csv", "unreal"):
+            code, told, err = run(
+                monkeypatch, capsys, "bake", folder, "-o", out, "--export", export
+            )
+            assert (code, err) == (0, "")
+            assert "2 done, 0 failed" in told
+    assert len(list(out.rglob("*.bvh"))) == 1
+    code, _, err = run(monkeypatch, capsys, "bake", folder, "-o", folder)
+    assert code == 1
+    assert "would replace an input" in err
+
+
 def test_a_folder_goes_on_past_a_fault_of_ours(monkeypatch, capsys, folder, tmp_path):
     def breaks(clip, *_arguments, **_options):
         if clip.name == "one":
@@ -215,7 +232,14 @@ def test_an_input_is_never_replaced(monkeypatch, capsys, folder, out):
             ("bake", "CLIP", "-o", "x.bvh", "--preset", "openkcc", "--redetect", "--ease-in", "0"),
             "--preset openkcc takes no --ease-in, --redetect:",
         ),
-        (("bake", "CLIP", "-o", "x.fbx"), "cannot tell the format|NotADirectory|x.fbx"),
+        (("bake", "CLIP", "-o", "x.fbx"), "x.fbx: clips are written as .bvh, .*, not '.fbx'"),
+        (("clean", "FOLDER", "-o", "x.json"), "x.json: clips are written as"),
+        (("clean", "CLIP", "-o", "FILE"), "is no folder that results can go to"),
+        (("clean", "CLIP", "-o", "x.bvh", "--frame-rate", "0"), "--frame-rate: a motion has 1 to"),
+        (("inspect", "CLIP", "--frame-rate", "nan"), "--frame-rate: a motion has 1 to .*not nan"),
+        (("inspect", "CLIP", "--legs", "l=a,b,c", "r=d,b,e"), "joint 'b' is there twice"),
+        (("inspect", "CLIP", "--legs", "l=a,b,a"), "joint 'a' is there twice"),
+        (("inspect", "CLIP", "--legs", "l=a,b,c", "l=d,e,f"), "'l' is there twice"),
         (("score", "feet", "FOLDER"), "unknown suite 'feet'"),
         (("score", "contacts", "EMPTY"), "there are no trials"),
     ],
@@ -224,14 +248,13 @@ def test_a_mistake_is_one_clear_line(monkeypatch, capsys, folder, tmp_path, argu
     monkeypatch.chdir(tmp_path)
     (tmp_path / "empty").mkdir()
     names = {"FOLDER": folder, "EMPTY": tmp_path / "empty", "CLIP": folder / "one.bvh"}
+    names["FILE"] = folder / "notes.txt"
     told = [names.get(argument, argument) for argument in arguments]
     code, _, err = run(monkeypatch, capsys, *told)
-    if "x.fbx" in arguments:
-        return  # a folder of that name: nothing is lost
     assert code == 1
     assert re.search(words, err), err
     assert err.count("\n") == 1
-    assert not (tmp_path / "x.bvh").exists()
+    assert {path.name for path in tmp_path.iterdir()} == {"takes", "empty"}
 
 
 def test_curves_are_baked_into_the_motion_as_it_is(monkeypatch, capsys, folder, tmp_path):

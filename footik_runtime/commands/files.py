@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -17,6 +18,7 @@ from footik_runtime.files import make_folder, require_writable, write_whole
 from footik_runtime.formats import SUFFIXES, load_clip
 from footik_runtime.formats.gltf import read_animations
 from footik_runtime.formats.qpos import rig_of
+from footik_runtime.offline.curve_exports import is_export
 from footik_runtime.progress import Progress
 from footik_runtime.rig import Rig, find_rig
 
@@ -24,6 +26,7 @@ ALL = "all"
 GLTF = (".glb", ".gltf")
 _LARGE, _LONG = 30.0, 20_000  # MB, frames
 _FRAME_RATES = (1.0, 10000.0)
+_FILE_SUFFIX = re.compile(r"\.[A-Za-z]\w{2,3}")  # .fbx or .json, but not that of "takes.v2"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,6 +45,10 @@ class Reading:
     model: Annotated[Path | None, tyro.conf.arg(metavar="FILE.xml")] = None
     frame_rate: float | None = None
     legs: Annotated[tuple[str, ...], tyro.conf.arg(metavar="LEG=JOINTS ...")] = ()
+
+    def __post_init__(self) -> None:
+        if self.frame_rate is not None:
+            _require_rate("--frame-rate", self.frame_rate)
 
     def clip(self, path: Path) -> Clip:
         """The clip of a file. Raises FootIKError for a rate that no motion has."""
@@ -62,7 +69,7 @@ class Reading:
         Raises FootIKError for a leg that is no NAME=HIP,KNEE,ANKLE or names a missing joint.
         """
         if self.legs:
-            return find_rig(clip.skeleton, legs=dict(_leg(text) for text in self.legs))
+            return find_rig(clip.skeleton, legs=_legs(self.legs))
         return rig_of(clip) or find_rig(clip.skeleton)
 
 
@@ -83,6 +90,19 @@ def announce(what: str, clip: Clip) -> None:
         print(f"footik: {what} {clip.name} ({len(clip)} frames)", file=sys.stderr, flush=True)
 
 
+def _legs(texts: Sequence[str]) -> dict[str, list[str]]:
+    legs: dict[str, list[str]] = {}
+    for name, chain in map(_leg, texts):
+        if name in legs:
+            raise FootIKError(f"--legs: {name!r} is there twice.")
+        taken = [joint for other in legs.values() for joint in other]
+        twice = next((joint for joint in chain if (taken + chain).count(joint) > 1), None)
+        if twice is not None:
+            raise FootIKError(f"--legs: joint {twice!r} is there twice; each leg has its own.")
+        legs[name] = chain
+    return legs
+
+
 def _leg(text: str) -> tuple[str, list[str]]:
     name, _, joints = text.partition("=")
     chain = [joint.strip() for joint in joints.split(",") if joint.strip()]
@@ -94,13 +114,17 @@ def _leg(text: str) -> tuple[str, list[str]]:
 
 
 def _with_rate(path: Path, clip: Clip) -> Clip:
-    slowest, fastest = _FRAME_RATES
-    if not slowest <= clip.fps <= fastest:
-        raise FootIKError(
-            f"{path}: a motion has {slowest:g} to {fastest:g} frames a second, not {clip.fps:g}: "
-            "is its frame time in seconds?"
-        )
+    _require_rate(str(path), clip.fps, " is its frame time in seconds?")
     return clip
+
+
+def _require_rate(where: str, rate: float, hint: str = "") -> None:
+    slowest, fastest = _FRAME_RATES
+    if not slowest <= rate <= fastest:  # so written, NaN is none
+        end = f":{hint}" if hint else "."
+        raise FootIKError(
+            f"{where}: a motion has {slowest:g} to {fastest:g} frames a second, not {rate:g}{end}"
+        )
 
 
 def write_json(path: Path, value: Mapping[str, Any]) -> None:
@@ -123,13 +147,13 @@ def jobs(sources: Sequence[Path], out: Path) -> list[Job]:
     Raises FootIKError where a source is missing or nothing is found.
     """
     several = len(sources) != 1 or sources[0].is_dir()
-    if several and out.suffix.lower() in SUFFIXES:
-        raise FootIKError(f"{out}: several clips need a folder to go to.")
     into_folder = several or out.is_dir() or out.suffix.lower() not in SUFFIXES
+    if into_folder:
+        _require_folder(out, several)
     found = [
         Job(source=file, target=out / place if into_folder else out)
         for source in sources
-        for file, place in _files(source)
+        for file, place in _files(source, out)
     ]
     if not found:
         raise FootIKError(
@@ -138,13 +162,34 @@ def jobs(sources: Sequence[Path], out: Path) -> list[Job]:
     return found
 
 
-def _files(source: Path) -> Iterable[tuple[Path, Path]]:
-    """Clips under a source, and where each belongs under the output's folder."""
+def _require_folder(out: Path, several: bool) -> None:
+    """Raise FootIKError where results shall go to what looks like a file, or is one."""
+    if out.is_dir():
+        return
+    if several and out.suffix.lower() in SUFFIXES:
+        raise FootIKError(f"{out}: several clips need a folder to go to.")
+    if out.exists():
+        raise FootIKError(f"{out}: is no folder that results can go to.")
+    if _FILE_SUFFIX.fullmatch(out.suffix):
+        raise FootIKError(
+            f"{out}: clips are written as {', '.join(SUFFIXES)}, not {out.suffix!r}; if that is "
+            "to be a folder, make it first."
+        )
+
+
+def _files(source: Path, out: Path) -> Iterable[tuple[Path, Path]]:
+    """Clips under a source, and where each belongs under the output's folder.
+
+    What is in that folder, and curves that were exported, are results of an earlier run.
+    """
     if source.is_file():
         yield source, Path(source.name)
     elif source.is_dir():
+        results = out.resolve() if out.resolve() != source.resolve() else None
         for file in sorted(source.rglob("*")):
-            if file.suffix.lower() in SUFFIXES and file.is_file():
+            if file.suffix.lower() not in SUFFIXES or not file.is_file() or is_export(file):
+                continue
+            if results is None or results not in file.resolve().parents:
                 yield file, file.relative_to(source)
     else:
         raise FootIKError(f"{source}: there is no such file or folder.")

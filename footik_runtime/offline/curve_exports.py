@@ -46,6 +46,7 @@ _ENDINGS = {
     "unreal": ".curve_table.csv",
     "csv": ".curves.csv",
 }
+_TABLES = (".curves.csv", ".curve_table.csv", ".curve.csv")
 _PLAIN = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(?: [A-Za-z0-9_]+)*\Z")
 _WORDS = {"y", "n", "yes", "no", "on", "off", "true", "false", "null"}
 _THIRD = "0.33333334"
@@ -83,6 +84,11 @@ def export_files(path: str | os.PathLike[str], curves: Iterable[str], kind: str)
         endings += [f".{part}.curve.csv" for part in unique_parts(curves)]
     stem = Path(path).with_suffix("")
     return [stem.with_name(stem.name + ending) for ending in endings]
+
+
+def is_export(path: Path) -> bool:
+    """Whether a file is an export by its name: a .csv that holds curves, not a clip."""
+    return path.name.lower().endswith(_TABLES)
 
 
 def require_curves(clip: Clip) -> None:
