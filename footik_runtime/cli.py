@@ -33,6 +33,10 @@ def main() -> None:
         # Whoever read our output has enough (`footik walk | head`): end as quietly as others do.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(141)
+    except OSError as error:  # a path that is too long, a folder that may not be looked into
+        named = f"{error.filename}: " if error.filename else ""
+        print(f"footik: {named}{error.strerror or error}.", file=sys.stderr)
+        sys.exit(1)
     except KeyboardInterrupt:
         sys.exit(130)
 

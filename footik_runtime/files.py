@@ -17,7 +17,7 @@ def write_whole(path: str | os.PathLike[str], data: bytes) -> None:
     """Write beside, then rename: a reader sees the old file or the new one, never a part.
 
     What is no file, such as /dev/null or a pipe, is written to as it is. Raises FootIKError where
-    the file cannot be written.
+    the file cannot be written, or is there and protected: renaming would not ask.
     """
     target = Path(path)
     beside = target.with_name(f".{target.name}.{os.getpid()}.part")
@@ -25,6 +25,7 @@ def write_whole(path: str | os.PathLike[str], data: bytes) -> None:
         if is_device(target):
             target.write_bytes(data)
             return
+        _require_unprotected(target)
         beside.write_bytes(data)
         os.replace(beside, target)
     except (OSError, ValueError) as error:
@@ -35,11 +36,17 @@ def write_whole(path: str | os.PathLike[str], data: bytes) -> None:
             beside.unlink()
 
 
+def _require_unprotected(path: Path) -> None:
+    if os.path.isfile(path) and not os.access(path, os.W_OK):
+        raise FootIKError(f"{path}: the file is write-protected.")
+
+
 def remove(path: str | os.PathLike[str]) -> None:
     """Remove a file, where there is one. Raises FootIKError where it cannot be removed."""
     target = Path(path)
     if not target.is_file():
         return
+    _require_unprotected(target)
     try:
         target.unlink()
     except OSError as error:
@@ -92,5 +99,6 @@ def require_writable(path: str | os.PathLike[str]) -> None:
         raise FootIKError(f"{path}: there is no folder {folder} to write it in.")
     if Path(path).is_dir():
         raise FootIKError(f"{path}: is a folder, not a file that can be written.")
+    _require_unprotected(Path(path))
     if not os.access(folder, os.W_OK):
         raise FootIKError(f"{path}: the folder {folder} cannot be written in.")

@@ -17,6 +17,7 @@ from footik_runtime import cli, gait
 from footik_runtime.builtin import humanoid_rig
 from footik_runtime.clip import Clip
 from footik_runtime.commands import bake as bake_command
+from footik_runtime.commands import clean as clean_command
 from footik_runtime.commands.claims import require_apart
 from footik_runtime.errors import FootIKError
 from footik_runtime.formats import load_clip, save_clip
@@ -184,6 +185,15 @@ def test_devices_may_be_written_to_more_than_once(monkeypatch, capsys, folder):
     require_apart([], {"--json": Path(null), "--out": Path(null)})
 
 
+def test_pages_of_several_clips_may_all_go_to_a_device(monkeypatch, capsys, folder, tmp_path):
+    pages = []
+    monkeypatch.setattr(clean_command, "write_whole", lambda path, _data: pages.append(str(path)))
+    code, _, err = run(monkeypatch, capsys, "clean", folder, "-o", tmp_path / "o", "--report",
+                       "/dev/null")  # fmt: skip
+    assert (code, err) == (0, "")
+    assert pages == ["/dev/null"] * 3
+
+
 def test_files_with_the_same_curves_file_are_not_mixed(monkeypatch, capsys, folder):
     (folder / "one.csv").write_text("0,1\n")
     (folder / "model.xml").write_text("<mujoco/>")
@@ -240,6 +250,13 @@ def test_an_input_is_never_replaced(monkeypatch, capsys, folder, out):
         (("inspect", "CLIP", "--legs", "l=a,b,c", "r=d,b,e"), "joint 'b' is there twice"),
         (("inspect", "CLIP", "--legs", "l=a,b,a"), "joint 'a' is there twice"),
         (("inspect", "CLIP", "--legs", "l=a,b,c", "l=d,e,f"), "'l' is there twice"),
+        (("clean", "CLIP", "-o", "x.bvh", "--floor", "1e300"), "a floor lies within 100000 m"),
+        (("bake", "CLIP", "-o", "x.bvh", "--json", "a" * 300), "aaa: File name too long"),
+        (("bake", "a" * 300, "-o", "x.bvh"), "aaa: File name too long"),
+        (("inspect", "nowhere"), "nowhere: there is no such file"),
+        (("inspect", "FOLDER"), "takes: is a folder"),
+        (("inspect", "NPZ", "--model", "empty"), "empty: there is no such model file"),
+        (("inspect", "NPZ", "--model", "FILE"), "not a model that MuJoCo reads"),
         (("score", "feet", "FOLDER"), "unknown suite 'feet'"),
         (("score", "contacts", "EMPTY"), "there are no trials"),
     ],
@@ -248,6 +265,7 @@ def test_a_mistake_is_one_clear_line(monkeypatch, capsys, folder, tmp_path, argu
     monkeypatch.chdir(tmp_path)
     (tmp_path / "empty").mkdir()
     names = {"FOLDER": folder, "EMPTY": tmp_path / "empty", "CLIP": folder / "one.bvh"}
+    names["NPZ"] = folder / "more" / "two.npz"
     names["FILE"] = folder / "notes.txt"
     told = [names.get(argument, argument) for argument in arguments]
     code, _, err = run(monkeypatch, capsys, *told)

@@ -37,6 +37,8 @@ from footik_runtime.offline.report import index_page, report_page
 from footik_runtime.offline.stages import BakeSettings, Cleaned, CleanSettings, Ground
 from footik_runtime.rig import Rig
 
+_FARTHEST = 1e5  # m
+
 
 def clean(
     clips: tyro.conf.Positional[tuple[Path, ...]],
@@ -140,6 +142,8 @@ def _ground(terrain: str | None, floor: float | None) -> Ground | None:
         raise FootIKError("give the true ground as a terrain or as a floor, not as both.")
     if terrain is not None:
         return TerrainGround(terrain)
+    if floor is not None and abs(floor) > _FARTHEST:
+        raise FootIKError(f"--floor: a floor lies within {_FARTHEST:g} m of 0, not at {floor:g}.")
     return None if floor is None else LevelGround(floor)
 
 

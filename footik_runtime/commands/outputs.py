@@ -11,7 +11,7 @@ from footik_runtime.clip import Clip
 from footik_runtime.commands.claims import Claims
 from footik_runtime.commands.files import ALL, GLTF, Job, Reading
 from footik_runtime.errors import FootIKError
-from footik_runtime.files import unique_parts
+from footik_runtime.files import is_device, unique_parts
 from footik_runtime.formats import save_clip
 from footik_runtime.formats.glb_container import Gltf, read_container
 from footik_runtime.formats.gltf import names_in
@@ -101,7 +101,7 @@ class Outputs:
             self._claims.claim(path, f"the exports of {job.source}")
 
     def _page(self, job: Job, ending: str, report: Path) -> Path:
-        if not self.several:
+        if not self.several or is_device(report):
             return report
         folder = job.target.parent.name
         called = [f"{report.stem}.{folder}_{name}" for name in _called(job)]

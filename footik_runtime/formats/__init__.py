@@ -59,6 +59,9 @@ def load_clip(
     Raises:
         FootIKError: a file that nothing reads, is broken, or needs a model that is not given.
     """
+    if not os.path.isfile(path):
+        what = "is a folder" if os.path.isdir(path) else "there is no such file"
+        raise FootIKError(f"{path}: {what}.")
     suffix = _suffix(path)
     if suffix == ".bvh":
         return _with_sidecar(read_bvh(path), path)
