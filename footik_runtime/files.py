@@ -25,7 +25,7 @@ def write_whole(path: str | os.PathLike[str], data: bytes) -> None:
         if is_device(target):
             target.write_bytes(data)
             return
-        _require_unprotected(target)
+        require_replaceable(target)
         beside.write_bytes(data)
         os.replace(beside, target)
     except (OSError, ValueError) as error:
@@ -36,7 +36,10 @@ def write_whole(path: str | os.PathLike[str], data: bytes) -> None:
             beside.unlink()
 
 
-def _require_unprotected(path: Path) -> None:
+def require_replaceable(path: str | os.PathLike[str]) -> None:
+    """Raise FootIKError for a folder, and for a file that is there and protected."""
+    if os.path.isdir(path):
+        raise FootIKError(f"{path}: is a folder, not a file that can be written.")
     if os.path.isfile(path) and not os.access(path, os.W_OK):
         raise FootIKError(f"{path}: the file is write-protected.")
 
@@ -46,7 +49,7 @@ def remove(path: str | os.PathLike[str]) -> None:
     target = Path(path)
     if not target.is_file():
         return
-    _require_unprotected(target)
+    require_replaceable(target)
     try:
         target.unlink()
     except OSError as error:
@@ -97,8 +100,6 @@ def require_writable(path: str | os.PathLike[str]) -> None:
     folder = Path(path).absolute().parent
     if not folder.is_dir():
         raise FootIKError(f"{path}: there is no folder {folder} to write it in.")
-    if Path(path).is_dir():
-        raise FootIKError(f"{path}: is a folder, not a file that can be written.")
-    _require_unprotected(Path(path))
+    require_replaceable(path)
     if not os.access(folder, os.W_OK):
         raise FootIKError(f"{path}: the folder {folder} cannot be written in.")

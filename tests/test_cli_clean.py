@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from gltf_files import walker
 
 from footik_runtime import cli, gait
 from footik_runtime.builtin import humanoid_rig
@@ -192,6 +193,27 @@ def test_pages_of_several_clips_may_all_go_to_a_device(monkeypatch, capsys, fold
                        "/dev/null")  # fmt: skip
     assert (code, err) == (0, "")
     assert pages == ["/dev/null"] * 3
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        "a/w.gltf b/v.gltf -o out",
+        "a/w.gltf -o o.gltf --json a/w.bin",
+        "a/w.gltf -o out --json out/w.bin",
+    ],
+)
+def test_files_that_a_gltf_names_are_not_replaced(monkeypatch, capsys, tmp_path, arguments):
+    for folder in ("a", "b"):
+        (tmp_path / folder).mkdir()
+        walker().gltf(tmp_path / folder / "w.gltf")
+    (tmp_path / "b" / "w.gltf").rename(tmp_path / "b" / "v.gltf")
+    monkeypatch.chdir(tmp_path)
+    before = contents(tmp_path)
+    code, _, err = run(monkeypatch, capsys, "bake", *arguments.split())
+    assert code == 1
+    assert re.search(r"w\.bin: .* would (replace an input|go to the same file)", err), err
+    assert contents(tmp_path) == before
 
 
 def test_files_with_the_same_curves_file_are_not_mixed(monkeypatch, capsys, folder):

@@ -149,6 +149,13 @@ def test_a_clip_without_curves_takes_an_earlier_ones_sidecar_away(tmp_path):
     assert sorted(p.name for p in tmp_path.iterdir()) == ["other.curves.json", "walk.bvh"]
 
 
+def test_a_motion_is_not_written_where_its_curves_cannot_be(tmp_path):
+    (tmp_path / "walk.curves.json").mkdir()
+    with pytest.raises(FootIKError, match=r"walk\.curves\.json: is a folder"):
+        save_clip(clip_with({"weight": np.ones(60)}), tmp_path / "walk.bvh")
+    assert not (tmp_path / "walk.bvh").exists()
+
+
 def test_the_sidecar_lies_beside_the_clip():
     assert sidecar("a/walk.bvh").name == "walk.curves.json"
     assert sidecar("a/walk.v2.bvh").as_posix() == "a/walk.v2.curves.json"

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from footik_runtime.clip import Clip
 from footik_runtime.errors import FootIKError
-from footik_runtime.files import remove
+from footik_runtime.files import remove, require_replaceable
 from footik_runtime.formats import amass, npz
 from footik_runtime.formats.bvh import BvhLayout, read_bvh, write_bvh
 from footik_runtime.formats.gltf import animation_names, read_gltf
@@ -86,6 +86,8 @@ def save_clip(clip: Clip, path: str | os.PathLike[str]) -> None:
     Raises FootIKError where it cannot be written.
     """
     suffix = _suffix(path)
+    if suffix == ".bvh" or QPOS in clip.extras:  # before the motion changes
+        require_replaceable(sidecar(path))
     if suffix == ".bvh":
         write_bvh(clip, path)
         _write_sidecar(clip, path)
