@@ -59,9 +59,10 @@ def load_clip(
     Raises:
         FootIKError: a file that nothing reads, is broken, or needs a model that is not given.
     """
-    if not os.path.isfile(path):
-        what = "is a folder" if os.path.isdir(path) else "there is no such file"
-        raise FootIKError(f"{path}: {what}.")
+    if os.path.isdir(path):
+        raise FootIKError(f"{path}: is a folder, not a clip.")
+    if not (Path(path).suffix or os.path.exists(path)):
+        raise FootIKError(f"{path}: there is no such file.")
     suffix = _suffix(path)
     if suffix == ".bvh":
         return _with_sidecar(read_bvh(path), path)
