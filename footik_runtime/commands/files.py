@@ -185,14 +185,20 @@ def _files(source: Path, out: Path) -> Iterable[tuple[Path, Path]]:
     if source.is_file():
         yield source, Path(source.name)
     elif source.is_dir():
-        results = out.resolve() if out.resolve() != source.resolve() else None
-        for file in sorted(source.rglob("*")):
-            if file.suffix.lower() not in SUFFIXES or not file.is_file() or is_export(file):
-                continue
-            if results is None or results not in file.resolve().parents:
-                yield file, file.relative_to(source)
+        files = [f for f in sorted(source.rglob("*")) if f.suffix.lower() in SUFFIXES]
+        files = [f for f in files if f.is_file() and not is_export(f)]
+        results = set() if out.resolve() == source.resolve() else _within(out, files)
+        if results:
+            told = f"{len(results)} clips in {out}, where results go, are taken for earlier ones"
+            print(f"footik: {told}", file=sys.stderr, flush=True)
+        yield from ((file, file.relative_to(source)) for file in files if file not in results)
     else:
         raise FootIKError(f"{source}: there is no such file or folder.")
+
+
+def _within(folder: Path, files: Iterable[Path]) -> set[Path]:
+    place = folder.resolve()
+    return {file for file in files if place in file.resolve().parents}
 
 
 def require_places(out: Path, *files: Path | None) -> None:
