@@ -187,7 +187,7 @@ def _files(source: Path, out: Path) -> Iterable[tuple[Path, Path]]:
     elif source.is_dir():
         files = [f for f in sorted(source.rglob("*")) if f.suffix.lower() in SUFFIXES]
         files = [f for f in files if f.is_file() and not is_export(f)]
-        results = set() if out.resolve() == source.resolve() else _within(out, files)
+        results = _within(out, files) if source.resolve() in out.resolve().parents else set()
         if results:
             told = f"{len(results)} clips in {out}, where results go, are taken for earlier ones"
             print(f"footik: {told}", file=sys.stderr, flush=True)
