@@ -31,7 +31,9 @@ class Claims:
             return
         keys = _keys(path)
         if keys & self._inputs:
-            raise FootIKError(f"{path}: {what} would replace an input; choose another.")
+            raise FootIKError(
+                f"{path}: {what} would replace an input or its curves; choose another."
+            )
         for key in keys & self._outputs.keys():
             if not (shared and self._outputs[key] == what):
                 raise FootIKError(
