@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import sys
 
@@ -21,6 +22,7 @@ COMMANDS = {"walk": walk, "clean": clean, "bake": bake, "inspect": inspect, "sco
 def main() -> None:
     """The `footik` command."""
     announce_compilation(lambda text: print(f"footik: {text}", file=sys.stderr, flush=True))
+    _escape_what_cannot_be_shown()
     try:
         tyro.extras.subcommand_cli_from_dict(COMMANDS, prog="footik", description=__doc__)
         sys.stdout.flush()
@@ -31,5 +33,16 @@ def main() -> None:
         # Whoever read our output has enough (`footik walk | head`): end as quietly as others do.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(141)
+    except OSError as error:  # a path that is too long, a folder that may not be looked into
+        named = f"{error.filename}: " if error.filename else ""
+        print(f"footik: {named}{error.strerror or error}.", file=sys.stderr)
+        sys.exit(1)
     except KeyboardInterrupt:
         sys.exit(130)
+
+
+def _escape_what_cannot_be_shown() -> None:
+    """Names come from files: a terminal without their letters shows escapes instead of failing."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")

@@ -250,3 +250,17 @@ def test_a_walk_of_no_time_is_a_walk_of_two_frames(monkeypatch, capsys):
     code, out, err = run(monkeypatch, capsys, "walk", "--terrain", "flat", "--seconds", "1e-9")
     assert (code, err) == (0, "")
     assert "largest hip drop" in out
+
+
+def test_names_that_a_terminal_cannot_show_are_escaped(walk_bvh, tmp_path):
+    clip = tmp_path / "Fuß 歩く.bvh"
+    clip.write_bytes(walk_bvh.read_bytes())
+    done = subprocess.run(
+        [sys.executable, "-c", "from footik_runtime.cli import main; main()", "inspect", clip],
+        env=os.environ | {"PYTHONIOENCODING": "ascii"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "Fu\\xdf \\u6b69\\u304f.bvh" in done.stdout

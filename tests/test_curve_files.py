@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from footik_runtime.clip import Clip
 from footik_runtime.errors import FootIKError
+from footik_runtime.formats import load_clip, save_clip
 from footik_runtime.offline.bake import BakeSettings, weight_keys
 from footik_runtime.offline.curve_exports import EXPORTS, export_curves
 from footik_runtime.offline.curve_files import (
@@ -136,6 +137,23 @@ def test_curves_of_the_file_are_added_to_those_of_the_clip(tmp_path):
     assert np.array_equal(read.curves["smile"], clip.curves["smile"])
     assert np.array_equal(read.curves["own"], np.ones(60))
     assert np.array_equal(mine.curves["smile"], np.zeros(60))
+
+
+def test_a_clip_without_curves_takes_an_earlier_ones_sidecar_away(tmp_path):
+    path = tmp_path / "walk.bvh"
+    save_clip(clip_with({"weight": np.ones(60)}), path)
+    assert load_clip(path).curves
+    (tmp_path / "other.curves.json").write_text("another clip's")
+    save_clip(clip_with({}, frames=20), path)
+    assert not load_clip(path).curves
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["other.curves.json", "walk.bvh"]
+
+
+def test_a_motion_is_not_written_where_its_curves_cannot_be(tmp_path):
+    (tmp_path / "walk.curves.json").mkdir()
+    with pytest.raises(FootIKError, match=r"walk\.curves\.json: is a folder"):
+        save_clip(clip_with({"weight": np.ones(60)}), tmp_path / "walk.bvh")
+    assert not (tmp_path / "walk.bvh").exists()
 
 
 def test_the_sidecar_lies_beside_the_clip():
@@ -424,3 +442,14 @@ def test_times_that_hardly_grow_are_refused_without_an_overflow(tmp_path):
     (tmp_path / "x.csv").write_text("time,weight\n0,0\n1e-310,1\n2e-310,0\n")
     with pytest.raises(FootIKError, match="the table has 3 rows"):
         read_curves(tmp_path / "x.csv", clip_with({}, 3, fps=2.0))
+
+
+def test_every_curve_has_a_file_with_its_own_letters(tmp_path):
+    curves = {name: np.full(60, float(i)) for i, name in enumerate(["a/b", "A_b", "Fuß", "足", ""])}
+    written = export_curves(tmp_path / "walk.bvh", clip_with(curves), "unreal")
+    assert [path.name for path in written] == [
+        "walk.curve_table.csv",
+        *(f"walk.{name}.curve.csv" for name in ("a_b", "A_b_2", "Fuß", "足", "_")),
+    ]
+    values = [path.read_text().splitlines()[-1].split(",")[1] for path in written[1:]]
+    assert values == ["0", "1", "2", "3", "4"]

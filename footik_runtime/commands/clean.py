@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from dataclasses import replace as replaced
 from pathlib import Path
@@ -12,31 +12,32 @@ import tyro
 
 from footik_runtime.clip import Clip
 from footik_runtime.commands.files import (
-    ALL,
     Job,
     Reading,
     ReadingOptions,
     announce,
     fail_if_any,
     jobs,
+    require_places,
     work_through,
     write_json,
 )
-from footik_runtime.errors import FootIKError
-from footik_runtime.files import require_writable, write_whole
-from footik_runtime.formats import save_clip
-from footik_runtime.formats.gltf_write import write_gltf
+from footik_runtime.commands.outputs import Outputs
+from footik_runtime.errors import FootIKError, listed
+from footik_runtime.files import write_whole
 from footik_runtime.formats.qpos import SOURCE as QPOS
 from footik_runtime.formats.qpos_posed import posed, unreached
 from footik_runtime.metrics import as_json, format_table
 from footik_runtime.offline.bake import BAKE_NOTES, bake
 from footik_runtime.offline.clean import clean as clean_clip
-from footik_runtime.offline.curve_exports import export_curves, require_export
+from footik_runtime.offline.curve_exports import require_export
 from footik_runtime.offline.grounds import LevelGround, TerrainGround
 from footik_runtime.offline.measure_clip import compare
 from footik_runtime.offline.report import index_page, report_page
 from footik_runtime.offline.stages import BakeSettings, Cleaned, CleanSettings, Ground
 from footik_runtime.rig import Rig
+
+_FARTHEST = 1e5  # m
 
 
 def clean(
@@ -89,17 +90,15 @@ def clean(
         ease=ease,
         leave_above=leave_above,
     )
+    if preset == "footplant":
+        _require_footplants_own(settings, terrain, floor)
     baking = BakeSettings(replace=replace) if curves else None
     ground = _ground(terrain, floor)
     if export is not None:
         require_export(export)
     todo = jobs(clips, out)
-    for path in (report, json_file):
-        if path is not None:
-            if path.parent == out:
-                out.mkdir(parents=True, exist_ok=True)
-            require_writable(path)
-    several = len(todo) > 1 or reading.animation == ALL
+    outputs = Outputs(todo, reading, export=export, report=report, json_file=json_file)
+    require_places(out, report, json_file)
 
     def one(job: Job) -> dict[str, Any]:
         found = [
@@ -108,20 +107,37 @@ def clean(
         ]
         for done in found:
             announce("writing", done.cleaned.clip)
-        _write(job.target, [done.cleaned.clip for done in found])
-        if export is not None:
-            _export(job.target, found, export)
-        pages = _write_pages(report, job, found, several)
+        exports = outputs.write(job, [done.cleaned.clip for done in found])
+        pages = _write_pages(outputs.pages(job), found)
         for done in found:
-            print(_told(job, done, short=several))
-        return {"clips": [_as_json(done, page) for done, page in zip(found, pages, strict=True)]}
+            print(_told(job, done, short=outputs.several))
+        told = zip(found, pages, exports, strict=True)
+        return {"clips": [_as_json(done, page, names) for done, page, names in told]}
 
     entries = work_through("cleaning", todo, one)
-    if report is not None and several:
-        write_whole(report, index_page(entries).encode())
+    if report is not None and outputs.several:
+        write_whole(report, index_page(entries).encode(errors="replace"))
     if json_file is not None:
         write_json(json_file, {"command": "clean", "preset": preset, "files": entries})
     fail_if_any(entries)
+
+
+def _require_footplants_own(
+    settings: CleanSettings, terrain: str | None, floor: float | None
+) -> None:
+    """Raise FootIKError for options that the FootPlant tool's pass knows nothing of."""
+    asked = {
+        "--terrain": terrain is not None,
+        "--floor": floor is not None,
+        "--stretch": settings.stretch != CleanSettings.stretch,
+        "--no-snap": not settings.snap,
+        "--level": settings.level,
+        "--redetect": settings.redetect,
+        "--ease": settings.ease != CleanSettings.ease,
+    }
+    given = [name for name, is_given in asked.items() if is_given]
+    if given:
+        raise FootIKError(f"--preset footplant takes no {listed(given)}: its pass is fixed.")
 
 
 def _ground(terrain: str | None, floor: float | None) -> Ground | None:
@@ -129,6 +145,8 @@ def _ground(terrain: str | None, floor: float | None) -> Ground | None:
         raise FootIKError("give the true ground as a terrain or as a floor, not as both.")
     if terrain is not None:
         return TerrainGround(terrain)
+    if floor is not None and abs(floor) > _FARTHEST:
+        raise FootIKError(f"--floor: a floor lies within {_FARTHEST:g} m of 0, not at {floor:g}.")
     return None if floor is None else LevelGround(floor)
 
 
@@ -169,40 +187,18 @@ def _on_joints(cleaned: Cleaned) -> Cleaned:
     return replaced(cleaned, clip=clip, report=report)
 
 
-def _write(path: Path, clips: list[Clip]) -> None:
-    if len(clips) == 1:
-        save_clip(clips[0], path)
-    elif path.suffix.lower() in (".glb", ".gltf"):
-        write_gltf(clips, path)
-    else:
-        raise FootIKError(f"{path}: all animations of a file go to a .glb or .gltf.")
-
-
-def _export(path: Path, found: list[_Done], kind: str) -> None:
-    """The curves of each clip beside the result; of several, named after the animations."""
-    for done in found:
-        clip = done.cleaned.clip
-        export_curves(path if len(found) == 1 else path.with_name(f"{clip.name}.x"), clip, kind)
-
-
-def _write_pages(
-    report: Path | None, job: Job, found: list[_Done], several: bool
-) -> list[str | None]:
+def _write_pages(pages: Sequence[Path], found: Sequence[_Done]) -> list[str | None]:
     """Write each clip's page. Returns their names; None where no report is wanted."""
-    if report is None:
+    if not pages:
         return [None] * len(found)
-    pages = []
-    for done in found:
-        page = report
-        if several:
-            name = f"{report.stem}.{job.source.stem}.{done.cleaned.clip.name}"
-            page = report.with_name(re.sub(r"[^\w.-]+", "_", name) + (report.suffix or ".html"))
-        write_whole(page, report_page(done.before, done.cleaned, done.measures).encode())
-        pages.append(page.name)
-    return pages
+    for page, done in zip(pages, found, strict=True):
+        write_whole(
+            page, report_page(done.before, done.cleaned, done.measures).encode(errors="replace")
+        )
+    return [page.name for page in pages]
 
 
-def _as_json(done: _Done, page: str | None) -> dict[str, Any]:
+def _as_json(done: _Done, page: str | None, exports: list[str]) -> dict[str, Any]:
     clip = done.cleaned.clip
     return {
         "clip": clip.name,
@@ -212,6 +208,7 @@ def _as_json(done: _Done, page: str | None) -> dict[str, Any]:
         "report": done.cleaned.report,
         "curve notes": list(clip.extras.get(BAKE_NOTES, ())),
         "page": page,
+        "exports": exports,
     }
 
 

@@ -9,11 +9,13 @@ import numpy as np
 import tyro
 
 from footik_runtime.clip import Clip
+from footik_runtime.commands.claims import require_apart
 from footik_runtime.commands.files import Reading, ReadingOptions, write_json
 from footik_runtime.files import require_writable
 from footik_runtime.formats import animation_names
 from footik_runtime.motion import Motion
 from footik_runtime.offline.clean import clean
+from footik_runtime.offline.curve_files import sidecar
 from footik_runtime.offline.curve_keys import CURVE_KEYS
 from footik_runtime.offline.filters import runs
 from footik_runtime.offline.stages import Cleaned
@@ -36,6 +38,7 @@ def inspect(
         json_file: write the same, and every contact, to this file, for machines.
         reading: how files are read.
     """
+    require_apart((clip, reading.model, sidecar(clip)), {"--json": json_file})
     if json_file is not None:
         require_writable(json_file)
     loaded = reading.clip(clip)

@@ -11,9 +11,11 @@ from typing import Annotated, Any
 
 import tyro
 
+from footik_runtime.commands.claims import require_apart
 from footik_runtime.commands.files import robot_model, write_json
 from footik_runtime.errors import FootIKError, unknown_name
 from footik_runtime.files import require_writable
+from footik_runtime.formats import SUFFIXES
 from footik_runtime.hinge_values import hinge_motion
 from footik_runtime.metrics import as_json
 from footik_runtime.motion import Motion
@@ -25,6 +27,7 @@ from footik_runtime.offline.clean_bench import (
     score_case,
 )
 from footik_runtime.offline.contact_bench import contact_table, read_trials, score_contacts
+from footik_runtime.offline.curve_files import sidecar
 from footik_runtime.plot import plot_suite, require_plot
 from footik_runtime.progress import Progress
 from footik_runtime.score_suite import (
@@ -82,6 +85,8 @@ def score(
         raise FootIKError(f"score {suite} takes no trials; clips are given with --clips.")
     if suite != PLACEMENT and model is not None:
         raise FootIKError(f"score {suite} takes no model: only placement walks robots.")
+    read = [file for place in (*clips, trials) for file in _files_at(place)]
+    require_apart(read, {"--plot": plot, "--json": json_file})
     for path in (plot, json_file):
         if path is not None:
             require_writable(path)
@@ -95,6 +100,15 @@ def score(
         told = _placement(scenes, clips, model, QUICK if quick else ALL_RATES, plot)
     if json_file is not None:
         write_json(json_file, {"command": "score", "suite": suite, **told})
+
+
+def _files_at(place: Path | None) -> Iterator[Path]:
+    """The clips or trials of a file or folder, with the curves beside them."""
+    if place is None:
+        return
+    for file in place.rglob("*") if place.is_dir() else [place]:
+        if file.suffix.lower() in SUFFIXES:
+            yield from (file, sidecar(file))
 
 
 def _contacts(trials: Path | None, noise: float, drift: float, seeds: int) -> dict[str, Any]:

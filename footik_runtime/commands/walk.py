@@ -11,6 +11,7 @@ import numpy as np
 import tyro
 
 from footik_runtime.builtin import GAITS, HUMANOID, builtin_motion
+from footik_runtime.commands.claims import require_apart
 from footik_runtime.commands.files import Reading, ReadingOptions, robot_model, write_json
 from footik_runtime.errors import FootIKError, unknown_name
 from footik_runtime.feet.record import GROUNDED
@@ -20,6 +21,7 @@ from footik_runtime.hinge_character import HingeCharacter
 from footik_runtime.hinge_values import hinge_motion
 from footik_runtime.metrics import as_json, format_table, score
 from footik_runtime.motion import Motion
+from footik_runtime.offline.curve_files import sidecar
 from footik_runtime.phases import Phase
 from footik_runtime.progress import Progress
 from footik_runtime.scene import Scene
@@ -61,6 +63,10 @@ def walk(
         json_file: write the table to this file, for machines.
         reading: how the clip's file is read.
     """
+    require_apart(
+        (clip, clip and sidecar(clip), reading.model),
+        {"--out": out, "--plot": plot, "--json": json_file},
+    )
     for path in (out, plot, json_file):
         if path is not None:
             require_writable(path)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from footik_runtime.clip import Clip
 from footik_runtime.errors import FootIKError
+from footik_runtime.files import remove, require_replaceable
 from footik_runtime.formats import amass, npz
 from footik_runtime.formats.bvh import BvhLayout, read_bvh, write_bvh
 from footik_runtime.formats.gltf import animation_names, read_gltf
@@ -58,6 +59,10 @@ def load_clip(
     Raises:
         FootIKError: a file that nothing reads, is broken, or needs a model that is not given.
     """
+    if os.path.isdir(path):
+        raise FootIKError(f"{path}: is a folder, not a clip.")
+    if not (Path(path).suffix or os.path.exists(path)):
+        raise FootIKError(f"{path}: there is no such file.")
     suffix = _suffix(path)
     if suffix == ".bvh":
         return _with_sidecar(read_bvh(path), path)
@@ -77,10 +82,13 @@ def load_clip(
 def save_clip(clip: Clip, path: str | os.PathLike[str]) -> None:
     """Write a clip by its suffix: .bvh, .glb, .gltf, .npz or .csv.
 
-    An .npz or .csv of joint values stays one; the curves of these and of a .bvh go beside them.
+    An .npz or .csv of joint values stays one; the curves of these and of a .bvh go beside them, in
+    place of those that lie there: a clip without curves takes them away.
     Raises FootIKError where it cannot be written.
     """
     suffix = _suffix(path)
+    if suffix == ".bvh" or QPOS in clip.extras:  # before the motion changes
+        require_replaceable(sidecar(path))
     if suffix == ".bvh":
         write_bvh(clip, path)
         _write_sidecar(clip, path)
@@ -102,6 +110,8 @@ def _with_sidecar(clip: Clip, path: str | os.PathLike[str]) -> Clip:
 def _write_sidecar(clip: Clip, path: str | os.PathLike[str]) -> None:
     if clip.curves:
         write_curves(sidecar(path), clip)
+    else:  # those of an earlier clip would be taken for this one's
+        remove(sidecar(path))
 
 
 def _suffix(path: str | os.PathLike[str]) -> str:

@@ -41,7 +41,7 @@ from footik_runtime.offline.curve_keys import CURVE_KEYS
 from footik_runtime.quat_arrays import mul, rotate
 from footik_runtime.skeleton import Skeleton
 
-__all__ = ["GltfSource", "animation_names", "read_animations", "read_gltf"]
+__all__ = ["GltfSource", "animation_names", "names_in", "read_animations", "read_gltf"]
 
 Array = NDArray[np.float64]
 
@@ -77,7 +77,7 @@ class GltfSource:
 
 def animation_names(path: str | os.PathLike[str]) -> list[str]:
     """The names of a file's animations, in order: unique, "animation_2" for one without a name."""
-    return _names(read_container(path))
+    return names_in(read_container(path))
 
 
 def read_gltf(
@@ -107,7 +107,7 @@ def read_gltf(
     _require(fps, scale)
     gltf = read_container(path)
     index = _chosen(gltf, animation)
-    return _clip(gltf, read_tree(gltf), index, _names(gltf)[index], skin, fps, scale)
+    return _clip(gltf, read_tree(gltf), index, names_in(gltf)[index], skin, fps, scale)
 
 
 def read_animations(
@@ -122,7 +122,7 @@ def read_animations(
     gltf = read_container(path)
     _chosen(gltf, None)
     tree = read_tree(gltf)
-    for index, name in enumerate(_names(gltf)):
+    for index, name in enumerate(names_in(gltf)):
         yield _clip(gltf, tree, index, name, skin, fps, scale)
 
 
@@ -132,7 +132,8 @@ def _require(fps: float | None, scale: float | None) -> None:
         raise FootIKError(f"scale must be positive and finite, in metres a unit, not {scale}.")
 
 
-def _names(gltf: Gltf) -> list[str]:
+def names_in(gltf: Gltf) -> list[str]:
+    """The names of a document's animations, as `animation_names` has them."""
     names: list[str] = []
     seen: set[str] = set()
     for a in range(len(gltf.items("animations"))):
@@ -146,7 +147,7 @@ def _names(gltf: Gltf) -> list[str]:
 
 
 def _chosen(gltf: Gltf, animation: str | int | None) -> int:
-    names = _names(gltf)
+    names = names_in(gltf)
     if not names:
         gltf.fail("the file holds no animation")
     if animation is None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import base64
 import copy
 import os
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footik_runtime.errors import FootIKError
-from footik_runtime.files import write_whole
+from footik_runtime.files import make_folder, write_whole
 from footik_runtime.formats.glb_container import (
     BIN_CHUNK,
     FLOAT,
@@ -222,22 +223,33 @@ class Additions:
 
     def _copy_named(self, target: Path, as_glb: bool) -> None:
         """Copy the files that the document names to where the new document will look for them."""
-        folders = [self.gltf.path.absolute().parent, target.absolute().parent]
-        if folders[0] == folders[1] or os.path.realpath(folders[0]) == os.path.realpath(folders[1]):
-            return
-        for kind in ("buffers", "images"):
-            for n in range(len(self.gltf.items(kind))):
-                uri = self.gltf.item(kind, n).get("uri")
-                packed = kind == "buffers" and n == 0 and as_glb and not self.gltf.is_glb
-                if not isinstance(uri, str) or uri.startswith("data:") or packed:
-                    continue
-                found = self.gltf.beside(uri, f"{kind}[{n}]")
-                copied = folders[1] / found.relative_to(self.gltf.path.parent)
-                try:
-                    copied.parent.mkdir(parents=True, exist_ok=True)
-                except OSError as error:
-                    raise FootIKError(f"{copied.parent}: cannot be made: {error}.") from None
-                write_whole(copied, read_bytes(found))
+        for found, copied in copies(self.gltf, target, as_glb=as_glb):
+            make_folder(copied.parent)
+            write_whole(copied, read_bytes(found))
+
+
+def copies(gltf: Gltf, target: Path, *, as_glb: bool) -> list[tuple[Path, Path]]:
+    """Each file that the document names, and where it will look for it when it is at `target`.
+
+    None where that is the same place, or the data goes into a GLB.
+    """
+    folders = [gltf.path.absolute().parent, target.absolute().parent]
+    if folders[0] == folders[1] or os.path.realpath(folders[0]) == os.path.realpath(folders[1]):
+        return []
+    return [
+        (found, folders[1] / found.relative_to(gltf.path.parent))
+        for kind, n, found in named_files(gltf)
+        if not (kind == "buffers" and n == 0 and as_glb and not gltf.is_glb)
+    ]
+
+
+def named_files(gltf: Gltf) -> Iterator[tuple[str, int, Path]]:
+    """The files that the document names: of "buffers" or "images", and which."""
+    for kind in ("buffers", "images"):
+        for n in range(len(gltf.items(kind))):
+            uri = gltf.item(kind, n).get("uri")
+            if isinstance(uri, str) and not uri.startswith("data:"):
+                yield kind, n, gltf.beside(uri, f"{kind}[{n}]")
 
 
 def _embedded(data: bytes | bytearray | memoryview) -> str:

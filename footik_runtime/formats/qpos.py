@@ -137,10 +137,13 @@ def rig_of(clip: Clip) -> Rig | None:
 
 def read_model(path: str | os.PathLike[str]) -> mujoco.MjModel:
     """The model of an MJCF file. Raises FootIKError where MuJoCo cannot read it."""
+    if not os.path.isfile(path):  # MuJoCo would write a log of its own
+        raise FootIKError(f"{path}: there is no such model file.")
     try:
         return mujoco.MjModel.from_xml_path(os.fspath(path))
     except (ValueError, OSError, UnicodeError) as error:
-        raise FootIKError(f"{path}: not a model that MuJoCo reads: {error}") from None
+        reason = " ".join(str(error).split())
+        raise FootIKError(f"{path}: not a model that MuJoCo reads: {reason}") from None
 
 
 # --- layouts ------------------------------------------------------------------------------------

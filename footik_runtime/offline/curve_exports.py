@@ -22,7 +22,7 @@ import json
 import math
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from footik_runtime.clip import Clip
 from footik_runtime.errors import FootIKError, unknown_name
-from footik_runtime.files import write_whole
+from footik_runtime.files import unique_parts, write_whole
 from footik_runtime.offline.curve_files import csv_text
 from footik_runtime.offline.curve_keys import Keys, keys_of
 
@@ -40,6 +40,13 @@ EXPORTS = ("unity", "unity-meta", "unreal", "csv")
 """unity: an AnimationClip. unity-meta: curves for a model importer's clip. unreal: a curve table,
 and a file a curve. csv: a row a frame."""
 
+_ENDINGS = {
+    "unity": ".anim",
+    "unity-meta": ".meta.yaml",
+    "unreal": ".curve_table.csv",
+    "csv": ".curves.csv",
+}
+_TABLES = (".curves.csv", ".curve_table.csv", ".curve.csv")
 _PLAIN = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(?: [A-Za-z0-9_]+)*\Z")
 _WORDS = {"y", "n", "yes", "no", "on", "off", "true", "false", "null"}
 _THIRD = "0.33333334"
@@ -63,15 +70,31 @@ def export_curves(
         FootIKError: an unknown kind, a clip without curves, a file that cannot be written.
     """
     require_export(kind)
+    require_curves(clip)
+    targets = export_files(path, clip.curves, kind)
+    for target, text in zip(targets, _texts(clip, kind, tolerance), strict=True):
+        write_whole(target, text.encode("utf-8", "replace"))
+    return targets
+
+
+def export_files(path: str | os.PathLike[str], curves: Iterable[str], kind: str) -> list[Path]:
+    """The files that `export_curves` writes for a clip with curves of these names."""
+    endings = [_ENDINGS[kind]]
+    if kind == "unreal":
+        endings += [f".{part}.curve.csv" for part in unique_parts(curves)]
+    stem = Path(path).with_suffix("")
+    return [stem.with_name(stem.name + ending) for ending in endings]
+
+
+def is_export(path: Path) -> bool:
+    """Whether a file is an export by its name: a .csv that holds curves, not a clip."""
+    return path.name.lower().endswith(_TABLES)
+
+
+def require_curves(clip: Clip) -> None:
+    """Raise FootIKError for a clip without curves."""
     if not clip.curves:
         raise FootIKError(f"{clip.name}: has no curves to export; bake them first.")
-    stem = Path(path).with_suffix("")
-    written = []
-    for ending, text in _texts(clip, kind, tolerance):
-        target = stem.with_name(stem.name + ending)
-        write_whole(target, text.encode("utf-8"))
-        written.append(target)
-    return written
 
 
 def require_export(kind: str) -> None:
@@ -80,17 +103,17 @@ def require_export(kind: str) -> None:
         raise unknown_name("export", kind, EXPORTS)
 
 
-def _texts(clip: Clip, kind: str, tolerance: float) -> Iterator[tuple[str, str]]:
+def _texts(clip: Clip, kind: str, tolerance: float) -> Iterator[str]:
     if kind == "unity":
-        yield ".anim", unity_clip(clip, tolerance)
+        yield unity_clip(clip, tolerance)
     elif kind == "unity-meta":
-        yield ".meta.yaml", unity_meta(clip, tolerance)
+        yield unity_meta(clip, tolerance)
     elif kind == "csv":
-        yield ".curves.csv", csv_text(clip)
+        yield csv_text(clip)
     else:
-        yield ".curve_table.csv", unreal_table(clip)
+        yield unreal_table(clip)
         for name in clip.curves:
-            yield f".{re.sub(r'[^A-Za-z0-9_-]', '_', name)}.curve.csv", unreal_curve(clip, name)
+            yield unreal_curve(clip, name)
 
 
 # --- Unity --------------------------------------------------------------------------------------
