@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
-from footik_runtime.builtin import builtin_motion
+from footik_runtime.builtin import builtin_body, builtin_motion
 from footik_runtime.motion import Motion
 from footik_runtime.terrain import (
     BEGIN,
@@ -54,7 +55,7 @@ class ScoreScene:
         name: of it in tables.
         complaint: what users see go wrong in such a place.
         terrain: made anew for each run.
-        gait: of the built-in humanoid; a clip of the user's takes the place of "walk".
+        gait: of a built-in character; a clip of the user's takes the place of "walk".
         drive: commands over time; straight on at the motion's own speed where None.
         limits: of its figures.
         seconds: how long.
@@ -76,6 +77,11 @@ class ScoreScene:
     def motion(self) -> Motion:
         """The built-in motion."""
         return builtin_motion(self.gait)
+
+    @property
+    def body(self) -> Path:
+        """The MJCF file of the character that has it."""
+        return builtin_body(self.gait)
 
 
 def score_scenes() -> tuple[ScoreScene, ...]:

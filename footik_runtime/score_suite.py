@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from footik_runtime.builtin import HUMANOID
 from footik_runtime.errors import unknown_name
 from footik_runtime.ground import ABOVE, REACH
 from footik_runtime.metrics import score
@@ -129,7 +128,7 @@ def score_scene(
         clip: what to call it.
     """
     settings = FootIKSettings() if settings is None else settings
-    body = HUMANOID if motion is None else None
+    body = scene.body if motion is None else None
     motion = scene.motion() if motion is None else motion
     first = rates[0]
     given, asked = _walked(scene, motion, body, first, settings, ik=False)

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import numpy as np
 import tyro
 
-from footik_runtime.builtin import GAITS, HUMANOID, builtin_motion
+from footik_runtime.builtin import GAITS, builtin_body, builtin_motion
 from footik_runtime.commands.files import Reading, ReadingOptions, write_json
 from footik_runtime.errors import unknown_name
 from footik_runtime.files import require_writable, write_whole
@@ -43,9 +43,10 @@ def walk(
     """Walk a clip over a terrain, headless, and print every measure without foot IK and with it.
 
     Args:
-        clip: a motion file: .bvh, .glb, .gltf, .npz or .csv; the built-in humanoid's own gait
+        clip: a motion file: .bvh, .glb, .gltf, .npz or .csv; a built-in character's own gait
             otherwise. Its contact curves are used where it has them.
-        gait: of the built-in humanoid: walk, run, idle or turn. Ignored with --clip.
+        gait: of the built-in humanoid: walk, run, idle or turn; of the built-in quadruped:
+            "quadruped walk" or trot. Ignored with --clip.
         terrain: flat, slope, stairs, hills, rubble, stones, ledge, gap, platform or course.
         seconds: how long to walk.
         preset: settings: default or openkcc.
@@ -112,7 +113,7 @@ def _motion(
 ) -> tuple[Motion, Path | None]:
     """The motion to walk, and the model file of its body where it has one."""
     if clip is None:
-        return builtin_motion(gait, speed=speed), HUMANOID
+        return builtin_motion(gait, speed=speed), builtin_body(gait)
     loaded = reading.clip(clip)
     return Motion.prepare(loaded, reading.rig(loaded)), None
 

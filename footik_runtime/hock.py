@@ -1,0 +1,99 @@
+"""Hock: the joint between knee and paw of a three-joint leg.
+
+Knee and hock of a mammal bend together: the muscles between them keep thigh and hock nearly
+parallel (Fischer and Blickhan 2006). So where a leg must become shorter or longer than the
+animation has it, its lower part, from knee to paw, does so in the same proportion; hip and knee
+are then solved as of any leg. A joint that hardly bends at rest, such as a wrist or a twist bone,
+rides along.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from footik_runtime.compiled import compiled
+from footik_runtime.math3d import (
+    add,
+    clamp,
+    cross,
+    norm,
+    perpendicular,
+    quat_axis_angle,
+    rotate,
+    sub,
+    unit,
+)
+from footik_runtime.rig import Leg, Rig
+
+Array = NDArray[np.float64]
+
+FOLDS = math.radians(150.0)
+"""A joint whose bones enclose less than this at rest bends with the knee."""
+
+_LONGEST = 0.995  # part of the two lower bones: a hock never quite straightens
+_SHORTEST = 1.02  # part of what a folded hock leaves of them
+
+
+def middle_joint(rig: Rig, leg: Leg) -> int:
+    """The joint between knee and ankle that is bent most at rest; -1 where there is none.
+
+    A joint in the same place as the knee or the ankle is none.
+    """
+    at, _ = rig.skeleton.rest_pose()
+    line = rig.skeleton.chain(leg.ankle)
+    between = line[1 : line.index(leg.knee)]
+    shortest = 0.02 * float(np.linalg.norm(at[leg.ankle] - at[leg.hip]))
+    ends = at[[leg.knee, leg.ankle]]
+    apart = [j for j in between if np.linalg.norm(ends - at[j], axis=1).min() > shortest]
+    return min(apart, key=lambda j: _enclosed(at[j], ends), default=-1)
+
+
+def folding_hock(rig: Rig, leg: Leg) -> int:
+    """The joint between knee and ankle that bends with the knee; -1 for a leg without one."""
+    joint = middle_joint(rig, leg)
+    if joint < 0:
+        return -1
+    at, _ = rig.skeleton.rest_pose()
+    return joint if _enclosed(at[joint], at[[leg.knee, leg.ankle]]) < FOLDS else -1
+
+
+def _enclosed(joint: Array, ends: Array) -> float:
+    """The angle at a joint (3,) between the ways to two ends (2, 3), rad."""
+    a, b = ends - joint
+    return math.atan2(float(np.linalg.norm(np.cross(a, b))), float(a @ b))
+
+
+@compiled
+def fold_hock(hip, knee, hock, ankle, goal, hinge):
+    """Bend the hock so that knee to ankle keeps its share of the leg, which reaches for a goal.
+
+    Args:
+        hip, knee, hock, ankle: (3,) the joints as they are, m.
+        goal: (3,) for the ankle.
+        hinge: (3,) about which a straight hock bends; need not be unit.
+
+    Returns:
+        The world rotation to apply to the hock, and where the ankle is then. It is the identity
+        where the goal is as far from the hip as the ankle is.
+    """
+    shin, last = sub(knee, hock), sub(ankle, hock)
+    upper, lower, whole = norm(shin), norm(last), norm(sub(ankle, hip))
+    if upper < 1e-9 or lower < 1e-9 or whole < 1e-9:
+        return (1.0, 0.0, 0.0, 0.0), ankle
+    now = norm(sub(ankle, knee))
+    longest = max(_LONGEST * (upper + lower), now)
+    shortest = min(_SHORTEST * abs(upper - lower), now)
+    length = clamp(now * norm(sub(goal, hip)) / whole, shortest, longest)
+    bend = _corner(upper, lower, length) - _corner(upper, lower, now)
+    axis = unit(cross(shin, last), unit(hinge, perpendicular(unit(shin, (0.0, 0.0, 1.0)))))
+    turn = quat_axis_angle(axis, bend)
+    return turn, add(hock, rotate(turn, last))
+
+
+@compiled
+def _corner(a, b, opposite):
+    """The angle between two sides of a triangle, by the law of cosines, rad."""
+    return math.acos(clamp((a * a + b * b - opposite * opposite) / (2.0 * a * b), -1.0, 1.0))
