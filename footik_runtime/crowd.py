@@ -127,6 +127,7 @@ class Crowd:
         self.bodies["fresh"] = 1
         self.bodies["blend"] = self.bodies["enabled"]
         self.bodies["hip_drop"] = self.bodies["hip_speed"] = self.bodies["climb"] = 0.0
+        self.bodies["lean"] = self.bodies["lean_speed"] = 0.0
         if self.openkcc is not None:
             self.openkcc.reset()
 

@@ -8,21 +8,22 @@ from footik_runtime.feet.record import GROUNDED, PLANNED
 from footik_runtime.inertia import smooth_step, spring
 from footik_runtime.leg_ik import shortfall
 from footik_runtime.legs import usable
-from footik_runtime.math3d import clamp, get3, get4, norm, sub
+from footik_runtime.math3d import add, clamp, get3, get4, norm, sub
 
 _EARLY = 1.5  # the spring lags: the whole drop is asked for after 2/3 of the look-ahead
 
 
 @compiled
-def wanted_drop(foot, told, leg, hip, next_hip, extension, settings, bodies_at, bodies_turn):
+def wanted_drop(foot, told, leg, hip, next_hip, shift, extension, settings, bodies_at, bodies_turn):
     """How far the hips must drop for one foot, m, times how much that foot counts.
 
     `hip` (3,) is the leg's animated hip joint now, `next_hip` at the next plant, when the
-    animated leg has that `extension`. A foot that
+    animated leg has that `extension`; `shift` (3,) is where the body's lean takes both. A foot that
     swings counts more and more as its plant comes near, and one that will leave soon less and less:
     its heel lifts instead. One that found no ground never counts.
     """
     reach = usable(leg, norm(sub(get3(told["ankle"]), hip)), settings)
+    hip, next_hip = add(hip, shift), add(next_hip, shift)
     if foot["state"] == GROUNDED:
         share = 1.0 if foot["bump"] else foot["weight"]
         if told["ahead"]:

@@ -60,6 +60,18 @@ def folding_hock(rig: Rig, leg: Leg) -> int:
     return joint if _enclosed(at[joint], at[[leg.knee, leg.ankle]]) < FOLDS else -1
 
 
+def unfolded_length(rig: Rig, leg: Leg) -> float:
+    """Hip to ankle of a leg with a folding hock that is open as far as `FOLDS`, its knee straight.
+
+    In metres.
+    """
+    at, _ = rig.skeleton.rest_pose()
+    hock = at[folding_hock(rig, leg)]
+    upper, lower = (float(np.linalg.norm(end - hock)) for end in at[[leg.knee, leg.ankle]])
+    thigh = float(np.linalg.norm(at[leg.knee] - at[leg.hip]))
+    return thigh + math.sqrt(upper**2 + lower**2 - 2.0 * upper * lower * math.cos(FOLDS))
+
+
 def _enclosed(joint: Array, ends: Array) -> float:
     """The angle at a joint (3,) between the ways to two ends (2, 3), rad."""
     a, b = ends - joint

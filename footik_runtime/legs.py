@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footik_runtime.compiled import compiled
+from footik_runtime.hock import fold_hock, folding_hock, unfolded_length
 from footik_runtime.leg_ik import heel_lift, two_bone
 from footik_runtime.math3d import (
     add,
@@ -26,15 +27,18 @@ from footik_runtime.math3d import (
 )
 from footik_runtime.quat_arrays import conj
 from footik_runtime.quat_arrays import rotate as rotate_array
-from footik_runtime.rig import Rig
+from footik_runtime.rig import Leg, Rig
 
 _STRAIGHTEST = 0.998
 """Part of a leg's length that no goal may ask for more of: a straighter knee pops."""
+
+_BACKWARD = 0.05  # part of a leg: a knee as far behind the line from hip to ankle is an elbow
 
 LEG = np.dtype(
     [
         ("hip", "i4"),
         ("knee", "i4"),
+        ("hock", "i4"),
         ("ankle", "i4"),
         ("toe", "i4"),
         ("length", "f8"),
@@ -49,22 +53,33 @@ LEG = np.dtype(
     align=True,
 )
 """A `Leg` and its `Sole` for compiled code. hinge: the knee's axis in the hip joint's frame,
-pointing left at rest."""
+pointing left at rest, or right where the knee points back. hock: the joint that folds with the
+knee, -1 for none; length: with that joint as far open as `hock.FOLDS`."""
 
 
 def leg_records(rig: Rig) -> NDArray[np.void]:
     """(legs,) of `LEG`."""
     out = np.zeros(len(rig.legs), dtype=LEG)
-    _, rest = rig.skeleton.rest_pose()
+    at, rest = rig.skeleton.rest_pose()
     for record, leg, length in zip(out, rig.legs, rig.leg_lengths, strict=True):
         sole = leg.sole
         for name in ("hip", "knee", "ankle", "toe"):
             record[name] = getattr(leg, name)
         for name in ("height", "heel", "ball", "tip", "frame", "toe_frame"):
             record[name] = getattr(sole, name)
-        record["length"] = length
-        record["hinge"] = rotate_array(conj(rest[leg.hip]), np.cross([0.0, 0.0, 1.0], rig.forward))
+        record["hock"] = folding_hock(rig, leg)
+        record["length"] = length if record["hock"] < 0 else unfolded_length(rig, leg)
+        left = np.cross([0.0, 0.0, 1.0], rig.forward)
+        left = -left if _knee_ahead(at, leg, rig.forward) < -_BACKWARD * length else left
+        record["hinge"] = rotate_array(conj(rest[leg.hip]), left)
     return out
+
+
+def _knee_ahead(at: NDArray[np.float64], leg: Leg, forward: NDArray[np.float64]) -> float:
+    """How far the knee lies ahead of the line from hip to ankle, m, in places at (J, 3)."""
+    thigh, line = at[leg.knee] - at[leg.hip], at[leg.ankle] - at[leg.hip]
+    part = float(thigh @ line) / max(float(line @ line), 1e-12)
+    return float((thigh - part * line) @ forward)
 
 
 @compiled
@@ -130,12 +145,22 @@ def pose_leg(leg, drop, goal, goal_turn, held, toes, normal, parents, settings, 
     foot = quat_mul(goal_turn, quat_conj(get4(leg["frame"])))
     hip_turn, knee_turn = get4(turn[leg["hip"]]), get4(turn[leg["knee"]])
     hinge = rotate(hip_turn, get3(leg["hinge"]))
+    bend = (1.0, 0.0, 0.0, 0.0)
+    if leg["hock"] >= 0:
+        hock = add(get3(at[leg["hock"]]), down)
+        bend, ankle = fold_hock(hip, knee, hock, ankle, goal, hinge)
     thigh, shin, came_to, reached = two_bone(hip, knee, ankle, goal, hinge, reach)
-    # Joints between hip, knee and ankle keep their local rotations and ride along.
+    # All other joints between hip, knee and ankle keep their local rotations and ride along.
     above = parents[leg["hip"]]
     over_hip = get4(turn[above]) if above >= 0 else (1.0, 0.0, 0.0, 0.0)
     over_knee = quat_mul(thigh, get4(turn[parents[leg["knee"]]]))
-    over_ankle = quat_mul(shin, get4(turn[parents[leg["ankle"]]]))
+    below = shin
+    if leg["hock"] >= 0:
+        below = quat_mul(shin, bend)
+        over_hock = quat_mul(shin, get4(turn[parents[leg["hock"]]]))
+        hock_turn = quat_mul(below, get4(turn[leg["hock"]]))
+        set4(local[leg["hock"]], quat_mul(quat_conj(over_hock), hock_turn))
+    over_ankle = quat_mul(below, get4(turn[parents[leg["ankle"]]]))
     set4(local[leg["hip"]], quat_mul(quat_conj(over_hip), quat_mul(thigh, hip_turn)))
     set4(local[leg["knee"]], quat_mul(quat_conj(over_knee), quat_mul(shin, knee_turn)))
     set4(local[leg["ankle"]], quat_mul(quat_conj(over_ankle), foot))

@@ -31,6 +31,8 @@ BODY = np.dtype(
         ("part", "f8"),
         ("hip_drop", "f8"),
         ("hip_speed", "f8"),
+        ("lean", "f8", 2),
+        ("lean_speed", "f8", 2),
         ("fresh", "i4"),
         ("enabled", "i4"),
         ("blend", "f8"),
@@ -42,9 +44,10 @@ BODY = np.dtype(
 time: in the motion's cycle, s; rate: its playback rate. velocity (2,): commanded, m/s in the root's
 frame; turn_rate: rad/s. root (3,), yaw: world; climb: vertical speed. ground: height the root
 tends to, from its own ray; on_ground: whether that ray hit. frame, part: of the motion's cycle.
-hip_drop, hip_speed: how far the hips are lowered, m, m/s; fresh: 1 until they
-are placed for the first time. enabled: 0 leaves the animation alone; blend: 0 to 1, how much of
-what the feet are given the pose takes.
+hip_drop, hip_speed: how far the hips are lowered, m, m/s; lean, lean_speed (2,): how far the body
+is pitched, nose up, and rolled, left side up, rad, rad/s; fresh: 1 until they are placed for the
+first time. enabled: 0 leaves the animation alone; blend: 0 to 1, how much of what the feet are
+given the pose takes.
 """
 
 

@@ -16,6 +16,7 @@ from footik_runtime.feet.target import intend, settle
 from footik_runtime.ground import Caster, cast_native
 from footik_runtime.hips import move_hips, wanted_drop
 from footik_runtime.inertia import smooth_step
+from footik_runtime.lean import lean_body, lean_pose, lean_shift
 from footik_runtime.legs import pose_leg
 from footik_runtime.locomotion import ahead_of, ask_root, hear_root, root_rows
 from footik_runtime.math3d import (
@@ -155,7 +156,7 @@ def ask_row(body, feet, tables, at, turn, told, probes, dt, scene):
 
 @compiled
 def settle_row(body, feet, tables, at, told, hits, dt, scene):
-    """Hear every hit of one character: settle its feet, and move its hips."""
+    """Hear every hit of one character: settle its feet, lean its body, and move its hips."""
     hear_root(body, hits[0])
     wanted = 0.0
     for i in range(feet.shape[0]):
@@ -165,13 +166,16 @@ def settle_row(body, feet, tables, at, told, hits, dt, scene):
             feet[i], told[i], leg, hits[first : first + PROBES], none_sets_out(feet, i), dt,
             tables.settings, scene.at, scene.turn,
         )  # fmt: skip
+    lean_body(body, feet, dt, tables.settings, scene.at, scene.turn)
+    for i in range(feet.shape[0]):
+        leg = tables.legs[i]
         timing = tables.timing[body["frame"], i]
+        hip = get3(at[leg["hip"]])
         ahead = clamp(told[i]["to_plant"], 0.0, tables.settings["hip_look_ahead"])
         next_hip = ahead_of(body, get3(timing["hip"]), ahead)
         drop = wanted_drop(
-            feet[i], told[i], leg, get3(at[leg["hip"]]), next_hip, timing["extension"],
-            tables.settings,
-            scene.at, scene.turn,
+            feet[i], told[i], leg, hip, next_hip, lean_shift(body, hip),
+            timing["extension"], tables.settings, scene.at, scene.turn,
         )  # fmt: skip
         wanted = max(wanted, drop)
     move_hips(body, wanted, dt, tables.settings)
@@ -180,6 +184,7 @@ def settle_row(body, feet, tables, at, told, hits, dt, scene):
 @compiled
 def leg_row(body, feet, tables, root, local, at, turn, told, dt):
     """Lower the hips and solve the legs of one character, into its local rotations (J, 4)."""
+    lean_pose(body, tables.order, root, local, at, turn)
     share = smooth_step(body["blend"])
     drop = share * body["hip_drop"]
     root[2] -= drop
@@ -230,6 +235,8 @@ def blend_row(body, feet, dt, settings):
 def start_anew(body, feet):
     """Feet and hips that know nothing yet: they begin where the animation has them."""
     body["fresh"], body["hip_drop"], body["hip_speed"] = 1, 0.0, 0.0
+    body["lean"][:] = 0.0
+    body["lean_speed"][:] = 0.0
     for i in range(feet.shape[0]):
         reset_foot(feet[i])
 
