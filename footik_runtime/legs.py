@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footik_runtime.compiled import compiled
-from footik_runtime.hock import fold_hock, folding_hock, unfolded_length
+from footik_runtime.hock import folding_hock, three_bone, turns_at_hock, unfolded_length
 from footik_runtime.leg_ik import heel_lift, two_bone
 from footik_runtime.math3d import (
     add,
@@ -32,13 +32,18 @@ from footik_runtime.rig import Leg, Rig
 _STRAIGHTEST = 0.998
 """Part of a leg's length that no goal may ask for more of: a straighter knee pops."""
 
-_BACKWARD = 0.05  # part of a leg: a knee as far behind the line from hip to ankle is an elbow
+_CLEAR = 0.05
+"""Part of a leg that a knee lies off the line from hip to ankle, for its side to be clear.
+
+One that lies clearly behind is an elbow; so is any of a front leg that does not lie clearly ahead.
+"""
 
 LEG = np.dtype(
     [
         ("hip", "i4"),
         ("knee", "i4"),
         ("hock", "i4"),
+        ("turns_hock", "i4"),
         ("ankle", "i4"),
         ("toe", "i4"),
         ("length", "f8"),
@@ -52,9 +57,12 @@ LEG = np.dtype(
     ],
     align=True,
 )
-"""A `Leg` and its `Sole` for compiled code. hinge: the knee's axis in the hip joint's frame,
-pointing left at rest, or right where the knee points back. hock: the joint that folds with the
-knee, -1 for none; length: with that joint as far open as `hock.FOLDS`."""
+"""A `Leg` and its `Sole` for compiled code.
+
+hinge: the knee's axis in the hip joint's frame, pointing left at rest, or right where the knee
+points back. hock: the joint that folds with the knee, -1 for none; turns_hock: it, not the knee, is
+where the leg's two parts meet; length: with that joint as far open as `hock.FOLDS`.
+"""
 
 
 def leg_records(rig: Rig) -> NDArray[np.void]:
@@ -68,9 +76,11 @@ def leg_records(rig: Rig) -> NDArray[np.void]:
         for name in ("height", "heel", "ball", "tip", "frame", "toe_frame"):
             record[name] = getattr(sole, name)
         record["hock"] = folding_hock(rig, leg)
+        record["turns_hock"] = turns_at_hock(rig, leg)
         record["length"] = length if record["hock"] < 0 else unfolded_length(rig, leg)
         left = np.cross([0.0, 0.0, 1.0], rig.forward)
-        left = -left if _knee_ahead(at, leg, rig.forward) < -_BACKWARD * length else left
+        clear = _CLEAR if leg.name.endswith("front") else -_CLEAR
+        left = -left if _knee_ahead(at, leg, rig.forward) < clear * length else left
         record["hinge"] = rotate_array(conj(rest[leg.hip]), left)
     return out
 
@@ -145,18 +155,19 @@ def pose_leg(leg, drop, goal, goal_turn, held, toes, normal, parents, settings, 
     foot = quat_mul(goal_turn, quat_conj(get4(leg["frame"])))
     hip_turn, knee_turn = get4(turn[leg["hip"]]), get4(turn[leg["knee"]])
     hinge = rotate(hip_turn, get3(leg["hinge"]))
-    bend = (1.0, 0.0, 0.0, 0.0)
     if leg["hock"] >= 0:
         hock = add(get3(at[leg["hock"]]), down)
-        bend, ankle = fold_hock(hip, knee, hock, ankle, goal, hinge)
-    thigh, shin, came_to, reached = two_bone(hip, knee, ankle, goal, hinge, reach)
+        thigh, shin, below, came_to, reached = three_bone(
+            hip, knee, hock, ankle, goal, hinge, reach, leg["turns_hock"]
+        )
+    else:
+        thigh, shin, came_to, reached = two_bone(hip, knee, ankle, goal, hinge, reach)
+        below = shin
     # All other joints between hip, knee and ankle keep their local rotations and ride along.
     above = parents[leg["hip"]]
     over_hip = get4(turn[above]) if above >= 0 else (1.0, 0.0, 0.0, 0.0)
     over_knee = quat_mul(thigh, get4(turn[parents[leg["knee"]]]))
-    below = shin
     if leg["hock"] >= 0:
-        below = quat_mul(shin, bend)
         over_hock = quat_mul(shin, get4(turn[parents[leg["hock"]]]))
         hock_turn = quat_mul(below, get4(turn[leg["hock"]]))
         set4(local[leg["hock"]], quat_mul(quat_conj(over_hock), hock_turn))
