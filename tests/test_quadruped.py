@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import sys
+
 import mujoco
 import numpy as np
 import pytest
 
-from footik_runtime import gait_quadruped
+from footik_runtime import cli, gait_quadruped
 from footik_runtime.builtin import (
     GAITS,
     QUADRUPED,
@@ -18,8 +20,13 @@ from footik_runtime.builtin import (
 from footik_runtime.character import CHARACTER_GROUP
 from footik_runtime.errors import FootIKError
 from footik_runtime.hock import folding_hock, middle_joint
+from footik_runtime.measures import penetration as penetration_mean
+from footik_runtime.measures import pinned_point_speed, slip_per_plant
 from footik_runtime.phases import Phase, phase_curve
+from footik_runtime.scene import Scene
+from footik_runtime.score_suite import chosen_scenes
 from footik_runtime.sole import BALL, HEEL, all_sole_points
+from footik_runtime.walk import record_walk
 
 LEGS = ("left_front", "right_front", "left_hind", "right_hind")
 GAIT_NAMES = ("quadruped walk", "trot")
@@ -145,3 +152,37 @@ def test_speeds_and_rigs_that_have_no_such_gait_are_errors():
         gait_quadruped.trot(quadruped_rig(), speed=float("nan"))
     with pytest.raises(FootIKError, match="needs a rig with four legs, this one has 2"):
         gait_quadruped.trot(humanoid_rig())
+
+
+# --- on the ground ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("gait", GAIT_NAMES)
+@pytest.mark.parametrize(
+    ("ground", "pinned", "penetration"),
+    [
+        ("flat", 2.0, 0.01),
+        ("slope 15 up", 2.0, 0.01),
+        ("slope 15 down", 2.0, 0.01),
+        ("stairs 12 cm up", 15.0, 1.0),
+        ("stairs 12 cm down", 3.0, 3.0),
+        ("rubble", 3.0, 0.6),
+    ],
+)
+def test_paws_stay_where_they_stand_and_out_of_the_ground(gait, ground, pinned, penetration):
+    (scene,) = chosen_scenes([f"{gait}, {ground}"])
+    assert scene.body == QUADRUPED
+    built = Scene.build(scene.motion(), scene.terrain(), body=scene.body)
+    run = record_walk(built, seconds=6.0).run
+    assert pinned_point_speed(run) < pinned
+    assert slip_per_plant(run).largest < 0.1
+    assert penetration_mean(run) < penetration
+    held = run.locked[run.phase != Phase.SWING]
+    assert held.mean() > 0.75
+
+
+def test_the_command_line_trots(capsys, monkeypatch):
+    command = ["footik", "walk", "--gait", "trot", "--terrain", "slope", "--seconds", "2"]
+    monkeypatch.setattr(sys, "argv", command)
+    cli.main()
+    assert "trot at 2.00 m/s over slope" in capsys.readouterr().out
