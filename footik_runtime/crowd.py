@@ -132,7 +132,16 @@ class Crowd:
             reset_foot(foot)
         self.bodies["fresh"] = 1
         self.bodies["blend"] = self.bodies["enabled"]
-        for name in ("hip_drop", "hip_speed", "climb", "slope", "sway", "sway_speed"):
+        for name in (
+            "hip_drop",
+            "hip_speed",
+            "climb",
+            "slope",
+            "sway",
+            "sway_speed",
+            "lean",
+            "lean_speed",
+        ):
             self.bodies[name] = 0.0
         if self.openkcc is not None:
             self.openkcc.reset()

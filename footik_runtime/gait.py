@@ -70,7 +70,7 @@ def walk(rig: Rig, *, speed: float = 1.3, fps: float = 60.0, body: Body | None =
     speed = _checked("walking speed", speed, WALK_SPEEDS, size)
     pace = speed / math.sqrt(size)  # the same walk on a leg of MODEL_LEG
     stride = 1.346 * math.sqrt(pace / MODEL_LEG) * MODEL_LEG
-    frames, period = _cycle(stride / pace * math.sqrt(size), fps)
+    frames, period = cycle_frames(stride / pace * math.sqrt(size), fps)
     model_period = period / math.sqrt(size)
     duty = 0.752 - 0.143 / model_period
     quick = pace / 1.3
@@ -120,7 +120,7 @@ def run(rig: Rig, *, speed: float = 3.0, fps: float = 60.0, body: Body | None = 
     speed = _checked("running speed", speed, RUN_SPEEDS, size)
     pace = speed / math.sqrt(size)
     stride = 2.3 * MODEL_LEG * (pace * pace / (_GRAVITY * MODEL_LEG)) ** 0.3
-    frames, period = _cycle(stride / pace * math.sqrt(size), fps)
+    frames, period = cycle_frames(stride / pace * math.sqrt(size), fps)
     model_period = period / math.sqrt(size)
     quick = pace / 3.0
     duty = min(0.35 * quick**-0.4, 0.44)
@@ -173,7 +173,7 @@ def turn_in_place(
             f"not {rate_deg:g}."
         )
     seconds = float(np.clip(60.0 / abs(rate_deg), 0.6, 1.2)) * math.sqrt(size)
-    frames, period = _cycle(seconds, fps)
+    frames, period = cycle_frames(seconds, fps)
     turn = math.radians(rate_deg) * period
     t = np.arange(frames + 1) / frames
     p = np.append(t[:-1], 0.0)
@@ -221,7 +221,7 @@ def idle(rig: Rig, *, seconds: float = 6.0, fps: float = 60.0, body: Body | None
     size = rest.leg_length / MODEL_LEG
     if not (math.isfinite(seconds) and seconds >= 1.0):
         raise FootIKError(f"seconds must be at least 1 and finite, not {seconds:g}.")
-    frames, _ = _cycle(seconds, fps)
+    frames, _ = cycle_frames(seconds, fps)
     p = np.append(np.arange(frames) / frames, 0.0)
     feet = tuple(
         standing_foot(
@@ -265,7 +265,7 @@ def _checked(what: str, speed: float, limits: tuple[float, float], size: float) 
     return float(speed)
 
 
-def _cycle(seconds: float, fps: float) -> tuple[int, float]:
+def cycle_frames(seconds: float, fps: float) -> tuple[int, float]:
     """An even number of frames (so that both legs step alike) and the seconds they last."""
     if not (math.isfinite(fps) and fps >= 10.0):
         raise FootIKError(f"fps must be at least 10 and finite, not {fps:g}.")
@@ -319,6 +319,13 @@ def _clip(
     fps: float,
 ) -> Clip:
     roots, rotations = pose_body(rig, body or find_body(rig), motion, feet)
+    return made_clip(rig, name, roots, rotations, feet, fps)
+
+
+def made_clip(
+    rig: Rig, name: str, roots: Array, rotations: Array, feet: tuple[FootPath, ...], fps: float
+) -> Clip:
+    """The looping clip of roots (n, 3) and local rotations (n, J, 4), with its legs' curves."""
     curves: dict[str, Array] = {}
     for leg, foot in zip(rig.legs, feet, strict=True):
         curves[weight_curve(leg.name)] = foot.weight

@@ -80,7 +80,7 @@ class RestShape:
         facing: (4,) from the travel frame to the model frame.
         positions: (J, 3) m.
         rotations: (J, 4).
-        leg_length: mean of both legs, m.
+        leg_length: mean of all legs, m.
     """
 
     facing: Array
@@ -93,11 +93,12 @@ class RestShape:
         return self.positions[end] - self.positions[start]
 
 
-def rest_shape(rig: Rig) -> RestShape:
-    """Measure a rig. Raises FootIKError unless it is a biped with legs of some length."""
+def rest_shape(rig: Rig, *, legs: int = 2) -> RestShape:
+    """Measure a rig. Raises FootIKError unless it has this many legs, each of some length."""
     names = rig.skeleton.names
-    if len(rig.legs) != 2:
-        raise FootIKError(f"a gait needs a rig with two legs, this one has {len(rig.legs)}.")
+    if len(rig.legs) != legs:
+        needed = {2: "two", 4: "four"}.get(legs, str(legs))
+        raise FootIKError(f"a gait needs a rig with {needed} legs, this one has {len(rig.legs)}.")
     for leg, length in zip(rig.legs, rig.leg_lengths, strict=True):
         if not length > 1e-6:
             raise FootIKError(
@@ -238,7 +239,7 @@ def pose_body(
     if rig.hips:
         wanted[0] = np.broadcast_to(rest.rotations[0], yaw.shape)
     wanted = {joint: qa.mul(turn, rotation) for joint, rotation in wanted.items()}
-    return qa.rotate(rest.facing, root), _locals(rig.skeleton, wanted, len(yaw))
+    return qa.rotate(rest.facing, root), local_rotations(rig.skeleton, wanted, len(yaw))
 
 
 def _upper_turns(body: Body, motion: BodyMotion, rest: RestShape) -> dict[int, Array]:
@@ -282,8 +283,8 @@ def _leg(
     sole = qa.euler(foot.yaw, foot.pitch, np.zeros_like(foot.yaw))
     ankle = qa.mul(sole, qa.conj(leg.sole.frame))
     wanted = {
-        leg.hip: _bone_turn(thigh, upper, hinge, rest.rotations[leg.hip]),
-        leg.knee: _bone_turn(shin, lower, hinge, rest.rotations[leg.knee]),
+        leg.hip: bone_turn(thigh, upper, hinge, rest.rotations[leg.hip]),
+        leg.knee: bone_turn(shin, lower, hinge, rest.rotations[leg.knee]),
         leg.ankle: ankle,
     }
     if leg.toe >= 0:
@@ -310,7 +311,7 @@ def _two_bones(reach: Array, upper: float, lower: float, pole: Array) -> tuple[A
     return qa.unit(knee), qa.unit(way * d[:, None] - knee), hinge
 
 
-def _bone_turn(rest_bone: Array, bone: Array, hinge: Array, rest_rotation: Array) -> Array:
+def bone_turn(rest_bone: Array, bone: Array, hinge: Array, rest_rotation: Array) -> Array:
     """World rotation of a joint whose bone points along `bone` and hinges about `hinge`."""
     if not rest_bone.any():
         return np.broadcast_to(rest_rotation, (len(bone), 4))
@@ -318,7 +319,7 @@ def _bone_turn(rest_bone: Array, bone: Array, hinge: Array, rest_rotation: Array
     return qa.mul(turn, rest_rotation)
 
 
-def _locals(skeleton: Skeleton, wanted: dict[int, Array], frames: int) -> Array:
+def local_rotations(skeleton: Skeleton, wanted: dict[int, Array], frames: int) -> Array:
     """Local rotations (n, J, 4) from world rotations of some joints; the others keep their rest."""
     world = np.empty((frames, len(skeleton), 4))
     local = np.empty_like(world)

@@ -11,7 +11,7 @@ from footik_runtime.inertia import damped_spring, smooth_step, spring
 from footik_runtime.leg_ik import shortfall
 from footik_runtime.legs import lifted, usable
 from footik_runtime.locomotion import ahead_of
-from footik_runtime.math3d import clamp, get3, get4, norm, sub
+from footik_runtime.math3d import add, clamp, get3, get4, norm, sub
 
 _DEEP = 0.7  # part of the hips' largest drop from which a foot lands on its ball instead
 _MOST_SWAY = 0.15  # m that the hips go sideways at most
@@ -19,24 +19,26 @@ _EARLY = 1.5  # the spring lags: the whole drop is asked for after 2/3 of the lo
 
 
 @compiled
-def wanted_drop(body, foot, told, leg, hip, timing, settings, bodies_at, bodies_turn):
+def wanted_drop(body, foot, told, leg, hip, shift, timing, settings, bodies_at, bodies_turn):
     """How far the hips must drop for one foot, m, times how much that foot counts.
 
-    `hip` (3,) is the leg's animated hip joint now; `timing` of the motion says where it is at the
+    `hip` (3,) is the leg's animated hip joint now, `shift` (3,) where the body's lean takes it; `timing` of the motion says where it is at the
     next plant, and how far the animated leg is extended then. A foot on the ground counts as it
     is, and as its leg will be stretched when the contact ends; one that swings counts more and more
     as its plant comes near. One that found no ground never counts.
     """
     drop = 0.0
     if foot["state"] == GROUNDED:
-        drop = held_drop(body, foot, told, leg, hip, timing, settings, bodies_at, bodies_turn)
+        drop = held_drop(
+            body, foot, told, leg, hip, shift, timing, settings, bodies_at, bodies_turn
+        )
     ahead = settings["hip_look_ahead"]
     if told["ahead"] and foot["plan"] == PLANNED and 0.0 < told["to_plant"] < ahead:
         land, turn = to_world(
             foot["land_body"], get3(foot["land"]), get4(foot["land_turn"]), bodies_at, bodies_turn
         )
         share = smooth_step(_EARLY * (1.0 - told["to_plant"] / ahead))
-        next_hip = ahead_of(body, get3(timing["hip"]), told["to_plant"])
+        next_hip = add(shift, ahead_of(body, get3(timing["hip"]), told["to_plant"]))
         reach = usable(leg, timing["extension"], settings)
         ankle, _ = planted(land, turn, told["pitch"], leg)
         needed = shortfall(next_hip, ankle, reach)
@@ -52,12 +54,13 @@ def wanted_drop(body, foot, told, leg, hip, timing, settings, bodies_at, bodies_
 
 
 @compiled
-def held_drop(body, foot, told, leg, hip, timing, settings, bodies_at, bodies_turn):
+def held_drop(body, foot, told, leg, hip, shift, timing, settings, bodies_at, bodies_turn):
     """How far the hips must drop for a foot on the ground, now and by the end of its contact.
 
     Of a foot that will leave the heel lifts before the hips must sink; one that stays stands flat.
     """
     reach = usable(leg, norm(sub(get3(told["ankle"]), hip)), settings)
+    hip = add(hip, shift)
     goal, turn, first = get3(foot["goal"]), get4(foot["goal_turn"]), settings["heel_first"]
     share, left, ahead = foot["weight"], told["to_release"], settings["hip_look_ahead"]
     if foot["bump"] or told["ahead"] == 0 or not math.isfinite(left):
@@ -66,7 +69,7 @@ def held_drop(body, foot, told, leg, hip, timing, settings, bodies_at, bodies_tu
     drop = min(share * shortfall(hip, goal, reach), settings["max_stride_drop"])
     if told["to_plant"] > 0.0 or left >= ahead:
         return drop
-    hip = ahead_of(body, get3(timing["off_hip"]), left)
+    hip = add(shift, ahead_of(body, get3(timing["off_hip"]), left))
     reach = usable(leg, timing["off_extension"], settings)
     point, turn = print_of(foot, bodies_at, bodies_turn)
     goal, turn = planted(point, turn, min(timing["off_pitch"], 0.0), leg)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footik_runtime.compiled import compiled
+from footik_runtime.hock import folding_hock, three_bone, turns_at_hock, unfolded_length
 from footik_runtime.leg_ik import (
     heel_lift,
     knee_direction,
@@ -34,15 +35,23 @@ from footik_runtime.math3d import (
 )
 from footik_runtime.quat_arrays import conj
 from footik_runtime.quat_arrays import rotate as rotate_array
-from footik_runtime.rig import Rig
+from footik_runtime.rig import Leg, Rig
 
 _STRAIGHTEST = 0.998
 """Part of a leg's length that no goal may ask for more of: a straighter knee pops."""
+
+_CLEAR = 0.05
+"""Part of a leg that a knee lies off the line from hip to ankle, for its side to be clear.
+
+One that lies clearly behind is an elbow; so is any of a front leg that does not lie clearly ahead.
+"""
 
 LEG = np.dtype(
     [
         ("hip", "i4"),
         ("knee", "i4"),
+        ("hock", "i4"),
+        ("turns_hock", "i4"),
         ("ankle", "i4"),
         ("toe", "i4"),
         ("length", "f8"),
@@ -58,8 +67,13 @@ LEG = np.dtype(
     ],
     align=True,
 )
-"""A `Leg` and its `Sole` for compiled code. hinge: the knee's axis in the hip joint's frame,
-pointing left at rest; side: 1 for a left leg, -1 for a right one, 0 between."""
+"""A `Leg` and its `Sole` for compiled code.
+
+hinge: the knee's axis in the hip joint's frame, pointing left at rest, or right where the knee
+points back. hock: the joint that folds with the knee, -1 for none; turns_hock: it, not the knee, is
+where the leg's two parts meet; length: with that joint as far open as `hock.FOLDS`; side: 1
+for a left leg, -1 for a right one, 0 between.
+"""
 
 
 def leg_records(rig: Rig) -> NDArray[np.void]:
@@ -74,10 +88,21 @@ def leg_records(rig: Rig) -> NDArray[np.void]:
             record[name] = getattr(leg, name)
         for name in ("height", "heel", "ball", "tip", "half_width", "frame", "toe_frame"):
             record[name] = getattr(sole, name)
-        record["length"] = length
+        record["hock"] = folding_hock(rig, leg)
+        record["turns_hock"] = turns_at_hock(rig, leg)
+        record["length"] = length if record["hock"] < 0 else unfolded_length(rig, leg)
         record["side"] = np.sign(np.round((at[leg.hip] - middle) @ left, 6))
-        record["hinge"] = rotate_array(conj(rest[leg.hip]), left)
+        clear = _CLEAR if leg.name.endswith("front") else -_CLEAR
+        back = _knee_ahead(at, leg, rig.forward) < clear * length
+        record["hinge"] = rotate_array(conj(rest[leg.hip]), -left if back else left)
     return out
+
+
+def _knee_ahead(at: NDArray[np.float64], leg: Leg, forward: NDArray[np.float64]) -> float:
+    """How far the knee lies ahead of the line from hip to ankle, m, in places at (J, 3)."""
+    thigh, line = at[leg.knee] - at[leg.hip], at[leg.ankle] - at[leg.hip]
+    part = float(thigh @ line) / max(float(line @ line), 1e-12)
+    return float((thigh - part * line) @ forward)
 
 
 @compiled
@@ -153,16 +178,27 @@ def pose_leg(leg, down, goal, goal_turn, held, toes, normal, parents, settings, 
     foot = quat_mul(goal_turn, quat_conj(get4(leg["frame"])))
     hip_turn, knee_turn = get4(turn[leg["hip"]]), get4(turn[leg["knee"]])
     hinge = rotate(hip_turn, get3(leg["hinge"]))
-    pole = (0.0, 0.0, 0.0)
+    pole, most = (0.0, 0.0, 0.0), settings["max_stretch"]
     if settings["knee_toe"] > 0.0 or settings["knee_out"] != 0.0:
         pole = knee_pole(leg, hip, knee, ankle, goal, goal_turn, hinge, settings)
-    most = settings["max_stretch"]
-    thigh, shin, came_to, reached = two_bone(hip, knee, ankle, goal, hinge, reach, pole, most)
-    # Joints between hip, knee and ankle keep their local rotations and ride along.
+    if leg["hock"] >= 0:
+        most = 1.0
+        hock = add(get3(at[leg["hock"]]), down)
+        thigh, shin, below, came_to, reached = three_bone(
+            hip, knee, hock, ankle, goal, hinge, reach, leg["turns_hock"]
+        )
+    else:
+        thigh, shin, came_to, reached = two_bone(hip, knee, ankle, goal, hinge, reach, pole, most)
+        below = shin
+    # All other joints between hip, knee and ankle keep their local rotations and ride along.
     above = parents[leg["hip"]]
     over_hip = get4(turn[above]) if above >= 0 else (1.0, 0.0, 0.0, 0.0)
     over_knee = quat_mul(thigh, get4(turn[parents[leg["knee"]]]))
-    over_ankle = quat_mul(shin, get4(turn[parents[leg["ankle"]]]))
+    if leg["hock"] >= 0:
+        over_hock = quat_mul(shin, get4(turn[parents[leg["hock"]]]))
+        hock_turn = quat_mul(below, get4(turn[leg["hock"]]))
+        set4(local[leg["hock"]], quat_mul(quat_conj(over_hock), hock_turn))
+    over_ankle = quat_mul(below, get4(turn[parents[leg["ankle"]]]))
     set4(local[leg["hip"]], quat_mul(quat_conj(over_hip), quat_mul(thigh, hip_turn)))
     set4(local[leg["knee"]], quat_mul(quat_conj(over_knee), quat_mul(shin, knee_turn)))
     set4(local[leg["ankle"]], quat_mul(quat_conj(over_ankle), foot))

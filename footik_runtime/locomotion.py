@@ -39,6 +39,8 @@ BODY = np.dtype(
         ("hips", "i4"),
         ("sway", "f8", 2),
         ("sway_speed", "f8", 2),
+        ("lean", "f8", 2),
+        ("lean_speed", "f8", 2),
         ("fresh", "i4"),
         ("enabled", "i4"),
         ("blend", "f8"),
@@ -52,8 +54,9 @@ frame; turn_rate: rad/s. root (3,), yaw: world; climb: vertical speed; slope: ri
 the way, smoothed. ground: height the root
 tends to, from its own ray; on_ground: whether that ray hit. frame, part: of the motion's cycle.
 hip_drop, hip_speed: how far the hips are lowered, m, m/s; hips: whether they move;
-sway, sway_speed: how far sideways, world; fresh: 1 until they
-are placed for the first time. enabled: 0 leaves the animation alone; blend: 0 to 1, how much of
+sway, sway_speed: how far sideways, world; lean, lean_speed (2,): how far the body
+is pitched, nose up, and rolled, left side up, rad, rad/s; fresh: 1 until they are placed for the
+first time. enabled: 0 leaves the animation alone; blend: 0 to 1, how much of
 what the feet are given the pose takes.
 """
 
@@ -132,7 +135,7 @@ def uphill_lead(body, leg_length, settings):
     """
     vx, vy = body["velocity"][0], body["velocity"][1]
     speed = max(math.sqrt(vx * vx + vy * vy), _CRAWL * settings["size"])
-    g = body["slope"]
+    g = body["slope"] - body["lean"][0]  # a body that leans has its legs square to the slope
     lead = settings["uphill_lead"] * leg_length * g / (1.0 + g * g)
     lead = clamp(lead, -settings["foothold_lead"], settings["foothold_lead"])
     return lead * vx / speed, lead * vy / speed

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -20,7 +21,7 @@ from footik_runtime.rig_names import (
     names_hips,
     nearest_guesses,
 )
-from footik_runtime.rig_sole import Sole, Stance, guess_sole, leg_length
+from footik_runtime.rig_sole import STEEPEST_FLAT, Sole, Stance, guess_sole, leg_length
 from footik_runtime.rig_topology import legs_by_shape
 from footik_runtime.skeleton import Skeleton
 
@@ -111,6 +112,7 @@ def find_rig(
     notes: list[str] = []
     if legs is None:
         chains = chains_by_name(skeleton, skeleton.names, positions, notes)
+        chains = on_their_toes(skeleton, chains, positions, notes)
         chains = chains or chains_by_shape(skeleton, positions, notes)
         if not chains:
             raise no_legs_error(skeleton)
@@ -153,6 +155,26 @@ def chains_by_shape(skeleton: Skeleton, positions: Array, notes: list[str]) -> d
         ends = ", ".join(f"{name} {skeleton.names[c[2]]!r}" for name, c in chains.items())
         notes.append(f"a guess: the names tell of no legs; by shape the ankles are {ends}")
     return chains
+
+
+def on_their_toes(
+    skeleton: Skeleton, chains: dict[str, Chain], positions: Array, notes: list[str]
+) -> dict[str, Chain]:
+    """The legs, with those of an animal that ends in a hanging foot made to end where that does.
+
+    What its name calls a foot is a hock then: the sole is at the joint below, and the hock lies
+    between knee and paw.
+    """
+    out = dict(chains)
+    for name, (hip, knee, ankle, toe) in chains.items():
+        if len(chains) != 4 or toe < 0:
+            continue
+        foot = positions[toe] - positions[ankle]
+        if math.atan2(-float(foot[2]), float(np.hypot(foot[0], foot[1]))) > STEEPEST_FLAT:
+            out[name] = (hip, knee, toe, -1)
+            hock, paw = skeleton.names[ankle], skeleton.names[toe]
+            notes.append(f"{name}: {hock!r} hangs, so it is the hock, and {paw!r} the paw")
+    return out
 
 
 def _with_front_legs(

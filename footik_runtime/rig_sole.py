@@ -29,6 +29,7 @@ HALF_WIDTH_PER_FOOT = 0.5 * 0.055 / 0.152
 TOE_JOINT_PER_FOOT = 0.13  # the joint's height over the sole
 TOE_TIP_PER_FOOT = 0.04
 TIP_PER_BALL = 1.45
+PAW_PER_FOOT = 0.5  # a paw's length, in parts of a human foot's on a leg as long
 # Ankle to toe joint falls by this angle in a flat foot of those proportions, radians.
 USUAL_SLOPE = math.atan2(ANKLE_PER_FOOT - TOE_JOINT_PER_FOOT, TIP_PER_FOOT / TIP_PER_BALL)
 STEEPEST_FLAT = math.radians(50.0)
@@ -108,7 +109,8 @@ def guess_sole(
     end = _end_offset(skeleton, stance, ankle, toe)
     hangs = "not flat" in how
     points = [basis @ p if p is not None else None for p in (toe_offset, end)]
-    ball, tip = _ball_and_tip(points[0], points[1], leg, name, notes)
+    usual = FOOT_PER_LEG * leg * (PAW_PER_FOOT if stance.animal else 1.0)
+    ball, tip = _ball_and_tip(points[0], points[1], (leg, usual), name, notes)
     foot = tip / TIP_PER_FOOT
     height = _height(points[0], points[1], foot, name, notes)
     upright = basis[2, 2] > 0.99
@@ -226,9 +228,15 @@ def _end_offset(skeleton: Skeleton, stance: Stance, ankle: int, toe: int) -> Arr
 
 
 def _ball_and_tip(
-    toe: Array | None, end: Array | None, leg: float, name: str, notes: list[str]
+    toe: Array | None,
+    end: Array | None,
+    lengths: tuple[float, float],
+    name: str,
+    notes: list[str],
 ) -> tuple[float, float]:
-    usual_tip = TIP_PER_FOOT * FOOT_PER_LEG * leg
+    """Where ball and tip lie, m; `lengths` are the leg's, and the foot's where nothing tells."""
+    leg, usual = lengths
+    usual_tip = TIP_PER_FOOT * usual
     if toe is not None and toe[0] > _SHORTEST_BALL * leg:
         ball = float(toe[0])
         if end is not None and 1.1 * ball <= end[0] <= 2.2 * ball:

@@ -16,6 +16,7 @@ from footik_runtime.feet.target import ground_of, intend, settle
 from footik_runtime.ground import Caster, cast_native
 from footik_runtime.hips import move_hips, sway_hips, wanted_drop, wanted_raise
 from footik_runtime.inertia import smooth_step
+from footik_runtime.lean import lean_body, lean_pose, lean_shift
 from footik_runtime.legs import pose_leg
 from footik_runtime.locomotion import (
     ahead_of,
@@ -192,7 +193,7 @@ def ask_row(body, feet, tables, at, turn, told, probes, dt, scene):
 
 @compiled
 def settle_row(body, feet, tables, at, told, hits, dt, scene):
-    """Hear every hit of one character: settle its feet, and move its hips."""
+    """Hear every hit of one character: settle its feet, lean its body, and move its hips."""
     hear_root(body, hits[0])
     wanted, rise, lowest, count = 0.0, 0.0, math.inf, feet.shape[0]
     x, y = 0.0, 0.0
@@ -205,14 +206,20 @@ def settle_row(body, feet, tables, at, told, hits, dt, scene):
             feet[i], told[i], leg, hits[first : first + PROBES], none_sets_out(feet, i), dt,
             tables.settings, scene.at, scene.turn,
         )  # fmt: skip
+    lean_body(body, feet, dt, tables.settings, scene.at, scene.turn)
+    for i in range(feet.shape[0]):
+        leg, foot = tables.legs[i], feet[i]
+        if foot["share"] == 0.0:
+            continue
         timing = tables.timing[body["frame"], i]
+        hip = get3(at[leg["hip"]])
         drop = wanted_drop(
-            body, feet[i], told[i], leg, get3(at[leg["hip"]]), timing, tables.settings,
+            body, foot, told[i], leg, hip, lean_shift(body, hip), timing, tables.settings,
             scene.at, scene.turn,
         )  # fmt: skip
         share = smooth_step(foot["share"])
         wanted = max(wanted, share * drop)
-        hip = get3(at[leg["hip"]])
+        hip = add(hip, lean_shift(body, hip))
         rise = max(rise, share * wanted_raise(foot, leg, hip, tables.settings))
         x += share * foot["weight"] * (foot["goal"][0] - told[i]["ankle"][0]) / count
         y += share * foot["weight"] * (foot["goal"][1] - told[i]["ankle"][1]) / count
@@ -225,6 +232,7 @@ def settle_row(body, feet, tables, at, told, hits, dt, scene):
 @compiled
 def leg_row(body, feet, tables, root, local, at, turn, told, dt):
     """Lower the hips and solve the legs of one character, into its local rotations (J, 4)."""
+    lean_pose(body, tables.order, root, local, at, turn)
     share = smooth_step(body["blend"])
     any_foot = 0.0
     for i in range(feet.shape[0]):
@@ -290,6 +298,7 @@ def start_anew(body, feet):
     body["fresh"], body["hip_drop"], body["hip_speed"] = 1, 0.0, 0.0
     for k in range(2):
         body["sway"][k], body["sway_speed"][k] = 0.0, 0.0
+        body["lean"][k], body["lean_speed"][k] = 0.0, 0.0
     for i in range(feet.shape[0]):
         reset_foot(feet[i])
 

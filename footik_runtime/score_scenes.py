@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
-from footik_runtime.builtin import builtin_motion
+from footik_runtime.builtin import builtin_body, builtin_motion
 from footik_runtime.motion import Motion
 from footik_runtime.terrain import (
     BEGIN,
@@ -43,6 +44,8 @@ class Limits:
 
 WALKING = Limits()
 RUNNING = Limits(pinned_point_speed=20.0)
+# A quadruped's own hips hardly move up and down at all, so any ground multiplies that.
+ON_FOUR_LEGS = Limits(pop=4.0, hip_acceleration_ratio=6.0, hip_drop=15.0)
 CLIMBING = Limits(pop=6.0, hip_acceleration_ratio=3.0, hip_drop=15.0)
 
 
@@ -54,7 +57,7 @@ class ScoreScene:
         name: of it in tables.
         complaint: what users see go wrong in such a place.
         terrain: made anew for each run.
-        gait: of the built-in humanoid; a clip of the user's takes the place of "walk".
+        gait: of a built-in character; a clip of the user's takes the place of "walk".
         drive: commands over time; straight on at the motion's own speed where None.
         limits: of its figures.
         seconds: how long.
@@ -77,6 +80,11 @@ class ScoreScene:
         """The built-in motion."""
         return builtin_motion(self.gait)
 
+    @property
+    def body(self) -> Path:
+        """The MJCF file of the character that has it."""
+        return builtin_body(self.gait)
+
 
 def score_scenes() -> tuple[ScoreScene, ...]:
     """All scenes of the suite."""
@@ -87,6 +95,7 @@ def score_scenes() -> tuple[ScoreScene, ...]:
         *_scattered(),
         *_ways(),
         *_moving(),
+        *_on_four_legs(),
     )
 
 
@@ -218,6 +227,34 @@ def _moving() -> list[ScoreScene]:
             complaint="feet through what tilts",
             terrain=_laid(*[seesaw] * 4),
         ),
+    ]
+
+
+def _on_four_legs() -> list[ScoreScene]:
+    grounds = {
+        "flat": ("foot IK spoils a good clip", _named("flat")),
+        "slope 15 up": ("the body stays level", _laid(Ramp(angle_deg=15.0, length=20.0))),
+        "slope 15 down": ("the body stays level", _laid(Ramp(angle_deg=-15.0, length=20.0))),
+        "stairs 12 cm up": (
+            "hind paws find no step",
+            _laid(Stairs(steps=40, step_height=0.12)),
+        ),
+        "stairs 12 cm down": (
+            "front legs too short",
+            _laid(Stairs(steps=40, step_height=0.12, down=True)),
+        ),
+        "rubble": ("the body shakes", _named("rubble")),
+    }
+    return [
+        ScoreScene(
+            name=f"{gait}, {name}",
+            complaint=what,
+            terrain=terrain,
+            gait=gait,
+            limits=ON_FOUR_LEGS,
+        )
+        for gait in ("quadruped walk", "trot")
+        for name, (what, terrain) in grounds.items()
     ]
 
 

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from footik_runtime.builtin import HUMANOID
 from footik_runtime.errors import unknown_name
 from footik_runtime.ground import ABOVE, REACH
 from footik_runtime.metrics import score
@@ -131,7 +130,7 @@ def score_scene(
         body: the MJCF file of that motion's body, such as a robot's; capsules otherwise.
     """
     settings = FootIKSettings() if settings is None else settings
-    body = HUMANOID if motion is None else body
+    body = scene.body if motion is None else body
     motion = scene.motion() if motion is None else motion
     first = rates[0]
     given, asked = _walked(scene, motion, body, first, settings, ik=False)

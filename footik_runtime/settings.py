@@ -75,6 +75,8 @@ class FootIKSettings:
         max_stride_drop: m that they drop at most for a foot that steps on.
         hip_look_ahead: s before a plant in which the hips begin to drop for it.
         hip_let_go: s before a release in which the hips cease to drop for it.
+        lean_half_life: s, of the spring that pitches and rolls a body of four legs with the ground.
+        max_lean_deg: degrees that it does so at most, either way.
         root_half_life: s, of the spring that carries the root over the ground.
         blend_time: s in which foot IK, or one foot's, is switched on or off: from FK to IK.
         lock: what a planted foot keeps, where the clip has no lock curve: "full", "ball", "ankle"
@@ -132,6 +134,8 @@ class FootIKSettings:
     max_stride_drop: float = 0.145
     hip_look_ahead: float = 0.5
     hip_let_go: float = 0.23
+    lean_half_life: float = 0.15
+    max_lean_deg: float = 35.0
     root_half_life: float = 0.1
     blend_time: float = 0.3
     lock: Literal["full", "ball", "ankle", "unlocked"] = "full"
@@ -287,6 +291,8 @@ RANGES: dict[str, tuple[float, float]] = {
     "max_stride_drop": (0.0, 5.0),
     "hip_look_ahead": (0.0, 2.0),
     "hip_let_go": (0.001, 2.0),
+    "lean_half_life": (0.0, 5.0),
+    "max_lean_deg": (0.0, 80.0),
     "root_half_life": (0.0, 5.0),
     "blend_time": (0.0, 5.0),
     "max_twist_deg": (0.0, 180.0),

@@ -58,7 +58,7 @@ def score(
 ) -> None:
     """Score foot placement, contacts or cleanup, and print one table.
 
-    `placement` walks forty scenes without foot IK, with OpenKCC's settings and with ours, and ours
+    `placement` walks 52 scenes without foot IK, with OpenKCC's settings and with ours, and ours
     at 30, 60, 144 and 240 Hz. `contacts` scores the detector on recorded trials, beside simpler
     ones. `cleanup` cleans clips: generated walks and runs whose feet slide in a known way, and
     those that are given.

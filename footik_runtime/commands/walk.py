@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import numpy as np
 import tyro
 
-from footik_runtime.builtin import GAITS, HUMANOID, builtin_motion
+from footik_runtime.builtin import GAITS, builtin_body, builtin_motion
 from footik_runtime.commands.claims import require_apart
 from footik_runtime.commands.files import Reading, ReadingOptions, robot_model, write_json
 from footik_runtime.errors import FootIKError, unknown_name
@@ -48,10 +48,11 @@ def walk(
     """Walk a clip over a terrain, headless, and print every measure without foot IK and with it.
 
     Args:
-        clip: a motion file: .bvh, .glb, .gltf, .npz or .csv; the built-in humanoid's own gait
+        clip: a motion file: .bvh, .glb, .gltf, .npz or .csv; a built-in character's own gait
             otherwise. Its contact curves are used where it has them. Joint values of a robot
             (--model) are walked by the robot's own joints, within their limits.
-        gait: of the built-in humanoid: walk, run, idle or turn. Ignored with --clip.
+        gait: of the built-in humanoid: walk, run, idle or turn; of the built-in quadruped:
+            "quadruped walk" or trot. Ignored with --clip.
         terrain: flat, slope, stairs, hills, rubble, stones, ledge, gap, platform or course.
         seconds: how long to walk.
         preset: settings: default or openkcc.
@@ -122,7 +123,7 @@ def _motion(
 ) -> tuple[Motion, Path | None]:
     """The motion to walk, and the model file of its body where it has one."""
     if clip is None:
-        return builtin_motion(gait, speed=speed), HUMANOID
+        return builtin_motion(gait, speed=speed), builtin_body(gait)
     loaded = reading.clip(clip)
     robot = robot_model(loaded, reading.model)
     if robot is not None:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from footik_runtime.clip import Clip
 from footik_runtime.offline import detect, plants
 from footik_runtime.offline.filters import runs
+from footik_runtime.offline.low_feet import with_low_feet
 from footik_runtime.offline.stages import CleanSettings
 from footik_runtime.offline.working import as_worked, fitted_rig, unpad, working
 from footik_runtime.phases import Phase, phase_curve, weight_curve
@@ -31,7 +32,7 @@ def with_contacts(clip: Clip, rig: Rig) -> tuple[Clip, Rig]:
     work = working(clip, rig, settings=settings)
     contacts = detect.of_clip(work, settings)
     found = plants.find(work, contacts, settings)
-    held = unpad(work, plants.phases_of(found, contacts.foot.shape))
+    held = unpad(work, with_low_feet(plants.phases_of(found, contacts.foot.shape), work))
     touching, given = unpad(work, contacts.phases()), detect.given_phases(work)
     placed = as_worked(clip, work)
     curves: dict[str, Array] = {}
