@@ -50,14 +50,13 @@ BODY = np.dtype(
 """One character: where its root is and what it was told.
 
 time: in the motion's cycle, s; rate: its playback rate. velocity (2,): commanded, m/s in the root's
-frame; turn_rate: rad/s. root (3,), yaw: world; climb: vertical speed; slope: rise per metre of
-the way, smoothed. ground: height the root
-tends to, from its own ray; on_ground: whether that ray hit. frame, part: of the motion's cycle.
-hip_drop, hip_speed: how far the hips are lowered, m, m/s; hips: whether they move;
-sway, sway_speed: how far sideways, world; lean, lean_speed (2,): how far the body
-is pitched, nose up, and rolled, left side up, rad, rad/s; fresh: 1 until they are placed for the
-first time. enabled: 0 leaves the animation alone; blend: 0 to 1, how much of
-what the feet are given the pose takes.
+frame; turn_rate: rad/s. root (3,), yaw: world; climb: vertical speed; slope: rise per metre of the
+way, smoothed. ground: height the root tends to, from its own ray; on_ground: whether that ray hit.
+frame, part: of the motion's cycle. hip_drop, hip_speed: how far the hips are lowered, m, m/s; hips:
+whether they move; sway, sway_speed: how far sideways, world; lean, lean_speed (2,): how far the
+body is pitched, nose up, and rolled, left side up, rad, rad/s; fresh: 1 until they are placed for
+the first time. enabled: 0 leaves the animation alone; blend: 0 to 1, how much of what the feet are
+given the pose takes.
 """
 
 
