@@ -111,6 +111,8 @@ def guess_sole(
     points = [basis @ p if p is not None else None for p in (toe_offset, end)]
     usual = FOOT_PER_LEG * leg * (PAW_PER_FOOT if stance.animal else 1.0)
     ball, tip = _ball_and_tip(points[0], points[1], (leg, usual), name, notes)
+    if stance.animal and toe_offset is None:
+        ball = tip  # a paw in one piece turns over its tip
     foot = tip / TIP_PER_FOOT
     height = _height(points[0], points[1], foot, name, notes)
     upright = basis[2, 2] > 0.99

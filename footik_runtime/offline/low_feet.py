@@ -7,13 +7,15 @@ What is meant is plain all the same: the paw is low, and goes back under a body 
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
 from footik_runtime.offline.filters import runs
 from footik_runtime.offline.stages import Working
 from footik_runtime.phases import Phase
-from footik_runtime.sole import BALL
+from footik_runtime.sole import BALL, HEEL
 
 Array = NDArray[np.float64]
 Phases = NDArray[np.int8]
@@ -23,11 +25,12 @@ _LEAST_LIFT = 0.05  # legs: a paw that is lifted less tells nothing
 _GOES_ALONG = 0.9  # of the body's speed: a paw that is slower than it goes back under it
 _LEAST_SPEED = 0.3  # legs a second: a slower body goes nowhere
 _POOR = 0.7  # of the low frames: where fewer are found standing, height and way tell
+_ROLLED = math.sin(math.radians(3.0))  # of the sole's pitch: less is flat
 _SHORTEST = 0.06  # s of a contact, and of a gap in one
 
 
 def with_low_feet(phases: Phases, work: Working) -> Phases:
-    """Phases (N, F) with the flat contacts of low paws where the found ones say too little.
+    """Phases (N, F) with the contacts of low paws where the found ones say too little.
 
     Only for four legs or more that travel; all legs are told in one way, so that they agree.
     """
@@ -38,7 +41,10 @@ def with_low_feet(phases: Phases, work: Working) -> Phases:
     meant, found = low[own], phases[own] != Phase.SWING
     if not meant.any() or found[meant].mean() > _POOR:
         return phases
-    return np.where(low, Phase.FLAT, Phase.SWING).astype(np.int8)
+    heel, ball = work.soles[:, :, HEEL], work.soles[:, :, BALL]
+    pitch = (ball - heel)[..., 2] / np.maximum(np.linalg.norm(ball - heel, axis=-1), 1e-9)
+    rolled = np.select([pitch > _ROLLED, pitch < -_ROLLED], [Phase.HEEL, Phase.BALL], Phase.FLAT)
+    return np.where(low, rolled, Phase.SWING).astype(np.int8)
 
 
 def low_feet(work: Working) -> NDArray[np.bool_]:
