@@ -5,10 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from footik_runtime.builtin import builtin_body, builtin_motion
 from footik_runtime.motion import Motion
+from footik_runtime.score_disturbed import (
+    steered_hard,
+    with_late_contacts,
+    with_wrong_footholds,
+)
 from footik_runtime.terrain import (
     BEGIN,
     Belt,
@@ -46,6 +52,19 @@ WALKING = Limits()
 RUNNING = Limits(pinned_point_speed=20.0)
 # A quadruped's own hips hardly move up and down at all, so any ground multiplies that.
 ON_FOUR_LEGS = Limits(pop=4.0, hip_acceleration_ratio=6.0, hip_drop=15.0)
+DISTURBED = Limits(
+    pinned_point_speed=12.0,
+    slip_mean=0.2,
+    penetration=1.0,
+    penetration_contact_p99=10.0,
+    penetration_swing_p99=10.0,
+    float=4.0,
+    pop=12.0,
+    hip_acceleration_ratio=6.0,
+    hip_drop=30.0,
+)
+"""Twice the others', those of stairs where they are looser."""
+
 CLIMBING = Limits(pop=6.0, hip_acceleration_ratio=3.0, hip_drop=15.0)
 
 
@@ -61,6 +80,7 @@ class ScoreScene:
         drive: commands over time; straight on at the motion's own speed where None.
         limits: of its figures.
         seconds: how long.
+        change: what is done to the motion first.
     """
 
     name: str
@@ -70,15 +90,17 @@ class ScoreScene:
     drive: Drive | None = None
     limits: Limits = WALKING
     seconds: float = 8.0
+    change: Callable[[Motion], Motion] | None = None
 
     @property
     def takes_clips(self) -> bool:
         """Whether a user's clip may take the place of the built-in walk."""
-        return self.gait == "walk" and self.drive is None
+        return self.gait == "walk" and self.drive is None and self.change is None
 
     def motion(self) -> Motion:
         """The built-in motion."""
-        return builtin_motion(self.gait)
+        motion = builtin_motion(self.gait)
+        return motion if self.change is None else self.change(motion)
 
     @property
     def body(self) -> Path:
@@ -95,6 +117,7 @@ def score_scenes() -> tuple[ScoreScene, ...]:
         *_scattered(),
         *_ways(),
         *_moving(),
+        *_disturbed(),
         *_on_four_legs(),
     )
 
@@ -255,6 +278,30 @@ def _on_four_legs() -> list[ScoreScene]:
         )
         for gait in ("quadruped walk", "trot")
         for name, (what, terrain) in grounds.items()
+    ]
+
+
+def _disturbed() -> list[ScoreScene]:
+    said: list[tuple[str, Callable[[Motion], Motion] | None, Drive | None]] = [
+        ("contacts 60 ms early", partial(with_late_contacts, seconds=-0.06), None),
+        ("contacts 60 ms late", partial(with_late_contacts, seconds=0.06), None),
+        ("footholds 10 cm off", partial(with_wrong_footholds, metres=0.1), None),
+        ("steered hard", None, steered_hard(1.3)),
+    ]
+    return [
+        ScoreScene(
+            name=f"{name}, {ground}",
+            complaint="feet flip, sink or pop when their clip is wrong",
+            terrain=terrain,
+            drive=drive,
+            change=change,
+            limits=DISTURBED,
+        )
+        for name, change, drive in said
+        for ground, terrain in (
+            ("hills", _named("hills")),
+            ("stairs 15 cm up", _laid(Stairs(steps=40, step_height=0.15))),
+        )
     ]
 
 

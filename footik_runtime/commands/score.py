@@ -14,7 +14,7 @@ import tyro
 from footik_runtime.commands.claims import require_apart
 from footik_runtime.commands.files import robot_model, write_json
 from footik_runtime.errors import FootIKError, unknown_name
-from footik_runtime.files import require_writable
+from footik_runtime.files import make_folder, require_writable
 from footik_runtime.formats import SUFFIXES
 from footik_runtime.hinge_values import hinge_motion
 from footik_runtime.metrics import as_json
@@ -30,6 +30,7 @@ from footik_runtime.offline.contact_bench import contact_table, read_trials, sco
 from footik_runtime.offline.curve_files import sidecar
 from footik_runtime.plot import plot_suite, require_plot
 from footik_runtime.progress import Progress
+from footik_runtime.score_strips import write_strip
 from footik_runtime.score_suite import (
     SceneScore,
     chosen_scenes,
@@ -54,11 +55,12 @@ def score(
     drift: float = 0.08,
     seeds: int = 5,
     plot: Annotated[Path | None, tyro.conf.arg(metavar="FILE.png")] = None,
+    pictures: Annotated[Path | None, tyro.conf.arg(metavar="FOLDER")] = None,
     json_file: Annotated[Path | None, tyro.conf.arg(name="json", metavar="FILE")] = None,
 ) -> None:
     """Score foot placement, contacts or cleanup, and print one table.
 
-    `placement` walks 52 scenes without foot IK, with OpenKCC's settings and with ours, and ours
+    `placement` walks 60 scenes without foot IK, with OpenKCC's settings and with ours, and ours
     at 30, 60, 144 and 240 Hz. `contacts` scores the detector on recorded trials, beside simpler
     ones. `cleanup` cleans clips: generated walks and runs whose feet slide in a known way, and
     those that are given.
@@ -77,6 +79,9 @@ def score(
         drift: for contacts: m of the root's drift, for the row with drift.
         seeds: for contacts: of the noise, averaged.
         plot: for placement: draw every figure to this file (needs the extra `plot`).
+        pictures: for placement: render a strip of every scene's feet close up into this folder,
+            without foot IK above and with it below, instead of scoring (needs the extra `plot`,
+            and a GL: MUJOCO_GL=egl without a display).
         json_file: write the table to this file, for machines.
     """
     if suite not in SUITES:
@@ -96,6 +101,8 @@ def score(
         told = _contacts(trials, noise, drift, seeds)
     elif suite == CLEANUP:
         told = _cleanup(clips)
+    elif pictures is not None:
+        told = _pictures(scenes, pictures)
     else:
         told = _placement(scenes, clips, model, QUICK if quick else ALL_RATES, plot)
     if json_file is not None:
@@ -134,6 +141,18 @@ def _cleanup(clips: tuple[Path, ...]) -> dict[str, Any]:
     progress.close()
     print(cleanup_table(rows))
     return {"clips": {name: as_json(row) for name, row in rows.items()}}
+
+
+def _pictures(names: tuple[str, ...], folder: Path) -> dict[str, Any]:
+    scenes = chosen_scenes(names)
+    make_folder(folder)
+    progress, written = Progress("rendering"), {}
+    for done, scene in enumerate(scenes):
+        progress(done, len(scenes))
+        written[scene.name] = str(write_strip(folder, scene))
+    progress.close()
+    print(f"{len(written)} strips in {folder}")
+    return {"pictures": written}
 
 
 def _placement(
