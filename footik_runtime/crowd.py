@@ -19,6 +19,7 @@ from footik_runtime.errors import FootIKError
 from footik_runtime.feet.plan import PROBES
 from footik_runtime.feet.record import FOOT, FOOT_INPUT, reset_foot, switch_on
 from footik_runtime.ground import Ground, SceneGround
+from footik_runtime.lean import FEWEST
 from footik_runtime.legs import leg_records
 from footik_runtime.locomotion import BODY
 from footik_runtime.math3d import get4, quat_between, quat_conj, quat_mul, quat_unit, rotate
@@ -91,7 +92,7 @@ class Crowd:
             translations=motion.translations,
             timing=motion.timing,
             legs=leg_records(motion.rig),
-            settings=self.settings.record(float(motion.rig.leg_lengths.mean())),
+            settings=_record(self.settings, motion),
             fps=float(motion.clip.fps),
             cycle=float(motion.clip.duration),
         )
@@ -327,6 +328,14 @@ def _checked(name: str, value: ArrayLike, count: int, shape: tuple[int, ...]) ->
             who, told = f"character {row}", numbers[row]
         raise FootIKError(f"{name} must be finite, not {told} for {who}.")
     return numbers
+
+
+def _record(settings: FootIKSettings, motion: Motion) -> Any:
+    """The settings for compiled code, for the legs of this motion."""
+    record = settings.record(float(motion.rig.leg_lengths.mean()))
+    if len(motion.rig.legs) >= FEWEST:
+        record["uphill_lead"] = 0.0  # a body that leans has its legs square to the slope
+    return record
 
 
 def _joints_needed(motion: Motion) -> NDArray[np.int32]:

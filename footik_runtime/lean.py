@@ -31,7 +31,9 @@ from footik_runtime.math3d import (
     unrotate,
 )
 
-_FEWEST = 3  # feet that make a plane
+FEWEST = 3
+"""Feet that make a plane: a body with fewer does not lean."""
+
 _LENGTHWISE = 0.08  # m from the middle at which a foot's height says as much as its tilt: pitch
 _ACROSS = 0.25  # the same of the roll; both for a leg of 0.85 m
 _STEEPEST = 0.2  # least upward part of a normal that is believed
@@ -40,7 +42,7 @@ _STEEPEST = 0.2  # least upward part of a normal that is believed
 @compiled
 def lean_body(body, feet, dt, settings, bodies_at, bodies_turn):
     """Follow the plane under the feet by a spring; the lean is kept in the body's record."""
-    if feet.shape[0] < _FEWEST:
+    if feet.shape[0] < FEWEST:
         return
     ahead, aside = plane_slopes(body, feet, settings, bodies_at, bodies_turn)
     most = settings["max_lean"]
@@ -81,7 +83,7 @@ def plane_slopes(body, feet, settings, bodies_at, bodies_turn):
         xx, xy, yy = xx + x * x, xy + x * y, yy + y * y
         xz, yz = xz + x * z, yz + y * z
         tilt_x, tilt_y = tilt_x - normal[0] / up, tilt_y - normal[1] / up
-    if known < _FEWEST:
+    if known < FEWEST:
         return 0.0, 0.0
     x1, y1, z1 = x1 / known, y1 / known, z1 / known
     by_x, by_y = (_LENGTHWISE * settings["size"]) ** 2, (_ACROSS * settings["size"]) ** 2

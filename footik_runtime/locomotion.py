@@ -134,7 +134,7 @@ def uphill_lead(body, leg_length, settings):
     """
     vx, vy = body["velocity"][0], body["velocity"][1]
     speed = max(math.sqrt(vx * vx + vy * vy), _CRAWL * settings["size"])
-    g = body["slope"] - body["lean"][0]  # a body that leans has its legs square to the slope
+    g = body["slope"]
     lead = settings["uphill_lead"] * leg_length * g / (1.0 + g * g)
     lead = clamp(lead, -settings["foothold_lead"], settings["foothold_lead"])
     return lead * vx / speed, lead * vy / speed
