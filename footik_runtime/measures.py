@@ -22,7 +22,8 @@ HEIGHT_TOLERANCE = 0.005  # m
 TOUCHING = 0.001  # m over the ground that still counts as on it: rounding must not decide
 # Below these the input stands still, and a ratio to it would say nothing.
 LEAST_ANGULAR_ACCELERATION = 1.0  # rad/s^2
-LEAST_ACCELERATION = 0.1  # m/s^2
+LEAST_SHARE = 0.2  # of the liveliest joint of the legs: what a joint that keeps still counts as
+LEAST_ACCELERATION = 1.0  # m/s^2, a tenth of gravity: hips that keep still count as this
 LEAST_STEP = 0.0001  # m a frame
 
 
@@ -156,14 +157,15 @@ def skate(run: Run) -> float:
 def pop_by_joint(run: Run, reference: Run) -> Array:
     """(L, K) largest angular acceleration over the 99th percentile of the reference's.
 
-    An untouched clip scores 1.2 to 1.3 against itself. A reference that hardly turns counts as
-    1 rad/s^2.
+    An untouched clip scores 1.2 to 1.3 against itself. A joint that hardly turns in the reference
+    counts as a fifth of the liveliest one there, and as 1 rad/s^2 at least.
     """
     given, wanted = _angular_accelerations(run), _angular_accelerations(reference)
     if len(given) == 0 or len(wanted) == 0:
         return np.full(run.leg_rotations.shape[1:3], math.nan)
     usual = np.percentile(wanted, 99.0, axis=0)
-    return given.max(axis=0) / np.maximum(usual, LEAST_ANGULAR_ACCELERATION)
+    least = max(LEAST_SHARE * float(usual.max()), LEAST_ANGULAR_ACCELERATION)
+    return given.max(axis=0) / np.maximum(usual, least)
 
 
 def pop(run: Run, reference: Run) -> float:
