@@ -100,9 +100,9 @@ _mj_ray = types.ExternalFunction(
 )
 
 
-Caster = namedtuple("Caster", "model data groups geom_body frame")
-"""What `cast_native` needs of a scene: two addresses, the group mask, the geoms' bodies, -1 for
-those that rays pass through, and the rotation (4,) of the probes' frame in the world."""
+Caster = namedtuple("Caster", "model data groups geom_body passed frame")
+"""What `cast_native` needs of a scene: two addresses, the group mask, the geoms' bodies, 1 for
+geoms that rays pass through, and the rotation (4,) of the probes' frame in the world."""
 
 
 @compiled
@@ -116,7 +116,7 @@ def _record_hit(probe, travelled, geom, normal, geom_body, hit):
 
 
 @compiled
-def cast_native(model, data, groups, geom_body, frame, probes, hits, numbers, geom_id):
+def cast_native(model, data, groups, geom_body, passed, frame, probes, hits, numbers, geom_id):
     """Cast active probes (N,) into hits (N,); model and data are addresses, the rest `Caster`'s.
 
     `numbers` (9,) float64 and `geom_id` (1,) int32 are scratch. Faces that look along the ray are
@@ -150,7 +150,7 @@ def cast_native(model, data, groups, geom_body, frame, probes, hits, numbers, ge
             travelled += distance
             if geom_id[0] < 0 or distance < 0.0 or travelled > probe["length"]:
                 break
-            if dot(get3(normal), get3(direction)) <= 0.0 and geom_body[geom_id[0]] >= 0:
+            if dot(get3(normal), get3(direction)) <= 0.0 and passed[geom_id[0]] == 0:
                 upright = unrotate(get4(frame), get3(normal))
                 _record_hit(probe, travelled, geom_id[0], upright, geom_body, hit)
                 break
@@ -162,6 +162,7 @@ def _cast_through_python(
     data: mujoco.MjData,
     groups: NDArray[np.uint8],
     geom_body: NDArray[np.int32],
+    passed: NDArray[np.uint8],
     frame: Array,
     probes: NDArray[Any],
     hits: NDArray[Any],
@@ -187,7 +188,7 @@ def _cast_through_python(
             travelled += distance
             if geom_id[0] < 0 or distance < 0.0 or travelled > probe["length"]:
                 break
-            if float(normal @ direction) <= 0.0 and geom_body[geom_id[0]] >= 0:
+            if float(normal @ direction) <= 0.0 and passed[geom_id[0]] == 0:
                 upright = unrotate(turn, get3(normal))
                 _record_hit(probe, travelled, geom_id[0], upright, geom_body, hit)
                 break
@@ -325,7 +326,7 @@ class SceneGround:
         """Answer the active probes; see `Ground.cast`. May be called from several threads."""
         if not self._native:
             caster = self._new_caster()
-            seen = (caster.groups, caster.geom_body, caster.frame)
+            seen = (caster.groups, caster.geom_body, caster.passed, caster.frame)
             _cast_through_python(self.model, self.data, *seen, probes, hits)
             return
         cast_native(*self._new_caster(), probes, hits, np.empty(9), np.empty(1, dtype=np.int32))
@@ -339,9 +340,10 @@ class SceneGround:
         model, data = self.model._address, self.data._address
         known = self._known
         if known is None or (known.model, known.data) != (model, data):
-            bodies = self.model.geom_bodyid.copy()
-            bodies[self.passed] = -1
-            self._known = known = Caster(model, data, self._mask, bodies, self._frame)
+            passed = np.zeros(self.model.ngeom, dtype=np.uint8)
+            passed[self.passed] = 1
+            bodies = self.model.geom_bodyid  # as it is: a geom may be given to another body
+            self._known = known = Caster(model, data, self._mask, bodies, passed, self._frame)
         return known
 
     def under(

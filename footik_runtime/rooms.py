@@ -361,7 +361,7 @@ def cast_rows(block, rows, caster):
     """Cast the probes of the first rows of a block."""
     for c in range(rows):
         cast_native(
-            caster.model, caster.data, caster.groups, caster.geom_body, caster.frame,
+            caster.model, caster.data, caster.groups, caster.geom_body, caster.passed, caster.frame,
             block.probes[c], block.hits[c], block.ray, block.geom_id,
         )  # fmt: skip
 

@@ -166,7 +166,7 @@ def test_speeds_and_rigs_that_have_no_such_gait_are_errors():
         ("slope 15 down", 2.0, 0.01),
         ("stairs 12 cm up", 15.0, 1.0),
         ("stairs 12 cm down", 3.0, 3.0),
-        ("rubble", 7.0, 0.6),
+        ("rubble", 9.0, 0.6),
     ],
 )
 def test_paws_stay_where_they_stand_and_out_of_the_ground(gait, ground, pinned, penetration):

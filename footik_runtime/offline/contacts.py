@@ -38,8 +38,10 @@ def with_contacts(clip: Clip, rig: Rig) -> tuple[Clip, Rig]:
     curves: dict[str, Array] = {}
     for i, leg in enumerate(rig.legs):
         weight, phase = weight_curve(leg.name), phase_curve(leg.name)
-        # What a weight says lasts as long as it says; else as long as the foot can be held.
-        told = touching[:, i] if weight in clip.curves else held[:, i]
+        # What a weight says lasts as long as it says, and so does a pose that stands throughout,
+        # however short; else a contact lasts as long as the foot can be held.
+        throughout = bool((touching[:, i] != Phase.SWING).all())
+        told = touching[:, i] if weight in clip.curves or throughout else held[:, i]
         told = unpad(work, given[i]) if i in given else told
         curves[phase] = told.astype(np.float64)
         if weight not in clip.curves:
