@@ -56,13 +56,26 @@ def start_stride(foot, bump, age, duration):
 
 
 @compiled
+def stays(told):
+    """Whether a planted foot has no next step of its own."""
+    return told["ahead"] == 0 or not math.isfinite(told["to_release"])
+
+
+@compiled
 def astray(foot, told, leg, settings, bodies_at, bodies_turn):
-    """How far a locked foot is from its told place, in parts of what starts a bump stride."""
+    """How far a locked foot is from where it should be, in parts of what starts a bump stride.
+
+    That is its told place, or, where it will step on, the animated foot: the place of a contact
+    that has begun would follow every change of the command.
+    """
     here, turn = print_of(foot, bodies_at, bodies_turn)
-    if told["ahead"] == 0:  # the place is the animated ankle's, which rolls over heel and ball
+    x, y, yaw = told["place"][0], told["place"][1], told["yaw"]
+    if not stays(told):
+        x, y, yaw = told["ankle"][0], told["ankle"][1], quat_heading(get4(told["turn"]))
+    if told["ahead"] == 0 or not stays(told):  # the animated ankle rolls over heel and ball
         here, _ = planted(here, turn, stance_pitch(foot, get4(told["turn"]), settings), leg)
-    dx, dy = told["place"][0] - here[0], told["place"][1] - here[1]
-    turned = wrap_angle(told["yaw"] - quat_heading(turn))
+    dx, dy = x - here[0], y - here[1]
+    turned = wrap_angle(yaw - quat_heading(turn))
     far = math.sqrt(dx * dx + dy * dy) / settings["stride_distance"]
     return max(far, abs(turned) / settings["stride_angle"])
 
@@ -84,7 +97,8 @@ def intend_bump(foot, told, leg, may_bump, probes, settings, bodies_at, bodies_t
             ask_under(foot, told, leg, probes, settings)
         return
     far = astray(foot, told, leg, settings, bodies_at, bodies_turn)
-    if far >= FORCED or (far >= 1.0 and may_bump):
+    # A foot that will soon step anyway steps then, unless it is left far behind.
+    if far >= FORCED or (far >= 1.0 and may_bump and stays(told)):
         # A bump stride lifts off its print, not where the last swing did.
         point, turn = print_of(foot, bodies_at, bodies_turn)
         set3(foot["lift"], point)
