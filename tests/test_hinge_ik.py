@@ -40,7 +40,8 @@ def random_chain(rng, count, limit=1.5):
 
 def end_of(hinges, angles, base=HERE):
     work = new_work(MOST)
-    return forward_hinges(hinges, np.array(angles, dtype=float), *base, work.axes, work.anchors)
+    at, turn = base
+    return forward_hinges(hinges, np.array(angles, dtype=float), at, turn, work.axes, work.anchors)
 
 
 def solved(hinges, start, goal, weights=(1.0, 0.02), base=HERE, point=MIDDLE):

@@ -132,7 +132,7 @@ def test_a_plant_weight_that_is_none_is_an_error(wrong) -> None:
 
 def turned_lock(lock: str) -> tuple[np.ndarray, np.ndarray]:
     """The left foot's sole points before and after the animation turned 0.3 rad over it."""
-    ik = standing(FootIKSettings(lock=lock))
+    ik = standing(FootIKSettings().changed(lock=lock))
     run(ik, 0.5)
     before = soles(ik)[0]
     ik.command((0.0, 0.0), 0.3)
@@ -229,7 +229,8 @@ def test_feet_that_are_off_are_to_the_bit_as_they_are_animated() -> None:
     run(ik, 2.0)
     run(plain, 2.0)
     ik.crowd.bodies["root"], plain.crowd.bodies["root"] = 0.0, 0.0
-    ik.step(0.0), plain.step(0.0)
+    ik.step(0.0)
+    plain.step(0.0)
     assert ik.crowd.rotations.tobytes() == plain.crowd.rotations.tobytes()
 
 
@@ -237,7 +238,7 @@ def test_feet_that_are_off_are_to_the_bit_as_they_are_animated() -> None:
 
 
 def reach_of(mode: str, gait: str, time: float) -> float:
-    ik = standing(FootIKSettings(ray_reach=mode), gait=gait)
+    ik = standing(FootIKSettings().changed(ray_reach=mode), gait=gait)
     ik.crowd.bodies["time"] = time
     ik.step(DT)
     return float(ik.crowd.block.told[0, 0]["below"])
@@ -273,10 +274,9 @@ def test_rays_see_the_groups_they_are_told_and_pass_the_geoms_they_are_told() ->
 @pytest.mark.parametrize("native", [True, False])
 def test_passed_geoms_are_passed_by_native_rays_and_through_python(native: bool) -> None:
     scene = Scene.build(builtin_motion("idle"), flat(), loose=box("box", *LEFT_BOX))
-    given = {"native": native} if native else {"native": False}
     over = np.array([[0.0, 0.13, 0.3]])
-    seen = SceneGround(scene.model, scene.data, **given).height(over)
-    passed = SceneGround(scene.model, scene.data, passed=["box"], **given).height(over)
+    seen = SceneGround(scene.model, scene.data, native=native).height(over)
+    passed = SceneGround(scene.model, scene.data, passed=["box"], native=native).height(over)
     assert (seen[0], passed[0]) == pytest.approx((0.1, 0.0), abs=1e-9)
 
 

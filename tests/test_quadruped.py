@@ -177,6 +177,7 @@ def test_paws_stay_where_they_stand_and_out_of_the_ground(gait, ground, pinned, 
     assert pinned_point_speed(run) < pinned
     assert slip_per_plant(run).largest < 0.1
     assert penetration_mean(run) < penetration
+    assert run.locked is not None
     held = run.locked[run.phase != Phase.SWING]
     assert held.mean() > 0.75
 

@@ -53,6 +53,11 @@ def biped(folder, ankle=0.9, name="biped.xml"):
     return file, hinge_motion(gait.walk(find_rig_in_model(model), speed=0.8), model)
 
 
+def hinged(scene: Scene) -> HingeCharacter:
+    assert isinstance(scene.character, HingeCharacter)
+    return scene.character
+
+
 @pytest.fixture(scope="module")
 def walker(tmp_path_factory):
     return biped(tmp_path_factory.mktemp("biped"))
@@ -104,7 +109,7 @@ def test_without_ik_the_robot_plays_its_own_joint_values(dog):
     assert pose is not None
     crowd.bodies["enabled"] = 0
     crowd.place(np.zeros(3))
-    values = joint_values(scene.character, motion.clip)
+    values = joint_values(hinged(scene), motion.clip)
     for frame in range(20):
         crowd.step(1.0 / motion.clip.fps if frame else 0.0)
         pose.write(scene.data, crowd, 1.0 / motion.clip.fps)
@@ -144,6 +149,7 @@ def test_what_is_recorded_is_where_mujoco_has_the_feet(stiff):
     assert limits.shape[0] == scene.model.njnt
     assert beyond_limits(scene.model, np.array(seen)) <= 0.0
     recorded = record_walk(Scene.build(motion, STEEP, body=file), seconds=4.0)
+    assert recorded.run.joints is not None
     at, turn = recorded.run.joints[-1], recorded.feet[-1]["out"]
     np.testing.assert_allclose(at[[leg.ankle for leg in rig.legs]], turn, atol=1e-9)
 
@@ -171,14 +177,14 @@ def test_joints_move_smoothly(walker):
         controller.step(1.0 / 60.0)
         steps = scene.data.qpos[scene.character.addresses] - before[scene.character.addresses]
         fastest = max(fastest, float(np.abs(steps).max()))
-    own = np.abs(np.diff(joint_values(scene.character, motion.clip), axis=0)).max()
+    own = np.abs(np.diff(joint_values(hinged(scene), motion.clip), axis=0)).max()
     assert fastest < 3.0 * own
 
 
 def test_a_leg_that_was_left_folded_unfolds_for_a_goal_in_reach(dog):
     file, motion, _ = dog
     scene = Scene.build(motion, "flat", body=file)
-    crowd, pose = Crowd(motion, scene.ground()), HingePose(scene.character, motion)
+    crowd, pose = Crowd(motion, scene.ground()), HingePose(hinged(scene), motion)
     crowd.place(np.zeros(3))
     for frame in range(40):
         crowd.step(1.0 / 60.0 if frame else 0.0)
@@ -221,6 +227,7 @@ def test_a_standing_robot_stands(walker):
     assert recording.feet["locked"][5:].all()
     assert score(recording.run)["slip_max"] < 0.5
     ankles = [leg.ankle for leg in still.rig.legs]
+    assert recording.run.joints is not None
     assert np.ptp(recording.run.joints[5:, ankles], axis=0).max() < 1e-3
 
 
@@ -245,7 +252,7 @@ def test_any_row_of_a_crowd_may_be_a_robot_and_runs_are_alike(walker):
     scene = Scene.build(motion, "slope", body=file)
     both = []
     for _ in range(2):
-        crowd, pose = Crowd(motion, scene.ground(), 2), HingePose(scene.character, motion)
+        crowd, pose = Crowd(motion, scene.ground(), 2), HingePose(hinged(scene), motion)
         crowd.place([[0.0, 0.0, 0.0], [1.0, 0.5, 0.0]])
         for frame in range(30):
             crowd.step(1.0 / 60.0 if frame else 0.0)
