@@ -23,9 +23,9 @@ def wanted_drop(body, foot, told, leg, hip, shift, timing, settings, bodies_at, 
     """How far the hips must drop for one foot, m, times how much that foot counts.
 
     `hip` (3,) is the leg's animated hip joint now, `shift` (3,) where the body's lean takes it;
-    `timing` of the motion says where it is at the  next plant, and how far the animated leg is
-    extended then. A foot on the ground counts as it  is, and as its leg will be stretched when
-    the contact ends; one that swings counts more and more  as its plant comes near. One that
+    `timing` of the motion says where it is at the next plant, and how far the animated leg is
+    extended then. A foot on the ground counts as it is, and as its leg will be stretched when
+    the contact ends; one that swings counts more and more as its plant comes near. One that
     found no ground never counts.
     """
     drop = 0.0

@@ -213,14 +213,13 @@ def settle_row(body, feet, tables, at, told, hits, dt, scene):
             continue
         timing = tables.timing[body["frame"], i]
         hip = get3(at[leg["hip"]])
+        shift = lean_shift(body, hip)
         drop = wanted_drop(
-            body, foot, told[i], leg, hip, lean_shift(body, hip), timing, tables.settings,
-            scene.at, scene.turn,
+            body, foot, told[i], leg, hip, shift, timing, tables.settings, scene.at, scene.turn,
         )  # fmt: skip
         share = smooth_step(foot["share"])
         wanted = max(wanted, share * drop)
-        hip = add(hip, lean_shift(body, hip))
-        rise = max(rise, share * wanted_raise(foot, leg, hip, tables.settings))
+        rise = max(rise, share * wanted_raise(foot, leg, add(hip, shift), tables.settings))
         x += share * foot["weight"] * (foot["goal"][0] - told[i]["ankle"][0]) / count
         y += share * foot["weight"] * (foot["goal"][1] - told[i]["ankle"][1]) / count
         lowest = min(lowest, ground_of(feet[i], scene.at, scene.turn))
@@ -248,11 +247,11 @@ def leg_row(body, feet, tables, root, local, at, turn, told, dt):
             continue  # to the bit as it is animated
         goal, goal_turn = get3(foot["goal"]), get4(foot["goal_turn"])
         part = share * smooth_step(foot["share"])
-        if part < 1.0:
-            goal = lerp(get3(told[i]["ankle"]), goal, part)
-            goal_turn = quat_slerp(get4(told[i]["turn"]), goal_turn, part)
         if foot["share"] == 0.0:
             goal, goal_turn = get3(told[i]["ankle"]), get4(told[i]["turn"])
+        elif part < 1.0:
+            goal = lerp(get3(told[i]["ankle"]), goal, part)
+            goal_turn = quat_slerp(get4(told[i]["turn"]), goal_turn, part)
         ankle, sole_turn, reached, missing, lift, stretch = pose_leg(
             tables.legs[i], moved, goal, goal_turn, part * foot["heel_lift"],
             part * foot["toes"], get3(foot["normal"]), tables.parents, tables.settings,

@@ -74,7 +74,7 @@ class FootIKSettings:
         max_hip_drop: m that the hips drop at most.
         max_stride_drop: m that they drop at most for a foot that steps on.
         hip_look_ahead: s before a plant in which the hips begin to drop for it.
-        hip_let_go: s before a release in which the hips cease to drop for it.
+        give_up_time: s before a release in which a contact is given up that its leg cannot reach.
         lean_half_life: s, of the spring that pitches and rolls a body of four legs with the ground.
         max_lean_deg: degrees that it does so at most, either way.
         root_half_life: s, of the spring that carries the root over the ground.
@@ -133,7 +133,7 @@ class FootIKSettings:
     max_hip_drop: float = 0.45
     max_stride_drop: float = 0.145
     hip_look_ahead: float = 0.5
-    hip_let_go: float = 0.23
+    give_up_time: float = 0.23
     lean_half_life: float = 0.15
     max_lean_deg: float = 35.0
     root_half_life: float = 0.1
@@ -290,7 +290,7 @@ RANGES: dict[str, tuple[float, float]] = {
     "max_hip_drop": (0.0, 5.0),
     "max_stride_drop": (0.0, 5.0),
     "hip_look_ahead": (0.0, 2.0),
-    "hip_let_go": (0.001, 2.0),
+    "give_up_time": (0.001, 2.0),
     "lean_half_life": (0.0, 5.0),
     "max_lean_deg": (0.0, 80.0),
     "root_half_life": (0.0, 5.0),

@@ -15,6 +15,7 @@ from footik_runtime.score_disturbed import (
 )
 from footik_runtime.score_strips import SHOTS, strip_name, write_strip
 from footik_runtime.score_suite import OURS, chosen_scenes, score_scene
+from footik_runtime.settings import FootIKSettings
 
 
 @pytest.mark.parametrize("seconds", [-0.06, 0.06])
@@ -61,3 +62,20 @@ def test_a_strip_shows_a_scene_without_foot_ik_above_and_with_it_below(tmp_path)
     above, below = pixels[:240], pixels[240:]
     assert np.abs(above - below).mean() > 0.005
     assert pixels[..., :3].std() > 0.05
+
+
+@pytest.mark.parametrize(
+    "name", ["stairs 17 cm up", "stairs 15 cm down", "slope 20 up", "gap", "stairs 12 cm up"]
+)
+def test_what_was_won_on_stairs_slopes_and_gaps_is_kept(name: str) -> None:
+    scene = next(scene for scene in chosen_scenes([name]) if scene.name == name)
+    assert score_scene(scene).missed() == []
+
+
+def test_prints_moved_uphill_let_the_hips_ride_higher() -> None:
+    scene = next(s for s in chosen_scenes(["stairs 15 cm up"]))
+    ours, level = (
+        score_scene(scene, settings=FootIKSettings(uphill_lead=lead, max_stride_drop=0.45))
+        for lead in (0.7, 0.0)
+    )
+    assert ours.figures[OURS]["hip_drop"] < level.figures[OURS]["hip_drop"] - 5.0

@@ -90,6 +90,11 @@ def score(
         raise FootIKError(f"score {suite} takes no trials; clips are given with --clips.")
     if suite != PLACEMENT and model is not None:
         raise FootIKError(f"score {suite} takes no model: only placement walks robots.")
+    if pictures is not None and (suite != PLACEMENT or clips or plot is not None):
+        raise FootIKError(
+            "--pictures renders the scenes of score placement, with nothing else: leave out other "
+            "suites, --clips and --plot."
+        )
     read = [file for place in (*clips, trials) for file in _files_at(place)]
     require_apart(read, {"--plot": plot, "--json": json_file})
     for path in (plot, json_file):

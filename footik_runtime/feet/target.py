@@ -111,7 +111,7 @@ def give_up_late(foot, told, settings):
     if foot["spent"]:
         foot["spent"] = 0 if over or told["ahead"] == 0 else 1
     elif foot["state"] == GROUNDED and told["ahead"] and not over and foot["bump"] == 0:
-        late = told["to_release"] < settings["hip_let_go"]
+        late = told["to_release"] < settings["give_up_time"]
         foot["spent"] = 1 if late and foot["missing"] > _MISSED * settings["size"] else 0
 
 
